@@ -1,0 +1,1 @@
+"""The field's mathematics; knows no plant and imports nothing of ours."""

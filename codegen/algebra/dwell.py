@@ -1,0 +1,60 @@
+"""Average dwell time: how slow switching must be, in numbers an integer monitor can hold.
+
+A mode signal has average dwell time tau with chatter bound N0 when every stretch of s samples holds at
+most N0 + s/tau switches (seed 000, Definition 9). If V shrinks by (1 - lam) per sample and grows by rho
+at a switch, any tau with ``(1 - lam) rho^(1/tau) < 1`` keeps it bounded (Lemma 8); one switch per
+sample, tau = 1, is arbitrary switching.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+
+def shortest(rho: float, lam: float) -> float:
+    """Infimum of the certified average dwell times, -ln(rho)/ln(1 - lam), in samples.
+
+    Parameters
+    ----------
+    rho : float
+        Jump factor, >= 1.
+    lam : float
+        Decay, 0 < lam < 1.
+    """
+    return -math.log(rho) / math.log1p(-lam) if rho > 1.0 else 0.0
+
+
+def ratio(tau: float, limit: int = 64) -> tuple[int, int]:
+    """Smallest convenient fraction add/drain >= tau for the leaky bucket.
+
+    Returns
+    -------
+    add, drain : int
+    """
+    best = Fraction(math.ceil(tau))
+    for drain in range(1, limit + 1):
+        candidate = Fraction(math.ceil(tau * drain - 1e-12), drain)
+        if candidate < best:
+            best = candidate
+    return best.numerator, best.denominator
+
+
+def switching_factor(rho: float, lam: float, tau: float, chatter: float) -> float:
+    """Factor on c^2 in ``V <= factor * c^2`` for V+ <= (1 - lam) V + c^2 under dwell time tau.
+
+    ``rho^(N0 + 1/tau) / (1 - (1 - lam) rho^(1/tau))``; the seed's one-mode value is 1/lam. Derived by
+    counting jumps (see certify.dwell for the exact check).
+    """
+    s = (1.0 - lam) * rho ** (1.0 / tau)
+    return math.inf if s >= 1.0 else rho ** (chatter + 1.0 / tau) / (1.0 - s)
+
+
+def admissible(modes: tuple[int, ...], tau: float, chatter: float) -> bool:
+    """Whether a finite mode sequence respects average dwell time tau with chatter bound N0."""
+    bucket = 0.0
+    for before, after in zip(modes, modes[1:]):
+        bucket = max(0.0, bucket - 1.0 / tau) + (before != after)
+        if bucket > chatter + 1e-12:
+            return False
+    return True

@@ -1,0 +1,1 @@
+"""What a finished design can do: detectability, comparison, replay of records."""

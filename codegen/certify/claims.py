@@ -1,0 +1,172 @@
+"""The certificate of one table: what is proved, and the numbers that prove it.
+
+``prove`` takes what synthesis hands over (a Lyapunov matrix, a copositive vector, or a box) and finds the
+sharpest level that holds on the emitted constants; ``check`` repeats every condition from the stored
+numbers alone. Nothing is believed that is not recomputed here.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from fractions import Fraction
+
+import numpy as np
+from flint import fmpq
+
+from ..errors import CertificateError
+from .containment import Containment
+from .criteria import check_box, check_linf, check_width, smallest_mu
+from .error_model import ErrorModel
+from .exact import Q, up
+from .freeze import box_holds
+
+SIDES = ("hi", "lo")
+
+
+def prove(modes, t, proof: dict) -> dict:
+    """Complete the proof data of synthesis into a certificate of these tables.
+
+    Parameters
+    ----------
+    modes : sequence
+        The plant's modes (``name A B C D Bw Dv ...``).
+    t : FramerTables
+    proof : dict
+        ``kind`` "linf" (lam, rho, P_hi, P_lo, dwell_add, dwell_drain, chatter), "width" (p, a), "box", or "none" (fixed gains: containment only).
+
+    Returns
+    -------
+    dict
+        The certificate; ``check`` accepts it.
+
+    Raises
+    ------
+    CertificateError
+        A condition fails on the emitted constants.
+    """
+    model = ErrorModel(modes, t)
+    names = [m.name for m in modes]
+    cert = {k: v for k, v in proof.items() if k != "mu"}
+    if proof["kind"] == "linf":
+        mu = max(smallest_mu(getattr(t, "M_" + s)[q], getattr(t, "L_" + s)[q], getattr(t, "N_" + s)[q],
+                             proof["P_" + s][q], proof["lam"]) for s in SIDES for q in range(len(modes)))
+        if not np.isfinite(mu):
+            raise CertificateError("certificate: no level mu satisfies the Lyapunov inequality on the rounded "
+                                   f"constants at lambda = {proof['lam']:.6g}. Try a smaller lambda or float64.")
+        for extra in (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2):
+            cert["mu"] = float(mu * (1 + extra))
+            try:
+                level = check_linf(model, t, cert, names)
+                break
+            except CertificateError as error:
+                failure = error
+        else:
+            raise failure
+        cert["level"] = up(_root(level["error_bound2"]))
+    elif proof["kind"] == "width":
+        cert["level"] = up(check_width(model, cert, names)["width_bound"])
+    boxes = {s: model.steady_box(s) for s in SIDES}
+    cert["steady_box"] = None if any(b is None for b in boxes.values()) else {s: boxes[s].tolist() for s in SIDES}
+    if proof["kind"] == "box" and cert["steady_box"] is None:
+        raise CertificateError("certificate: no box holds the framer errors of all modes on the rounded constants. "
+                               'Try criterion = "linf" with lyapunov = "multiple" and a dwell time.')
+    check(modes, t, cert)
+    return cert
+
+
+def check(modes, t, cert: dict) -> list[str]:
+    """Re-check a certificate in exact arithmetic; return what is proved, one sentence per claim.
+
+    Raises
+    ------
+    CertificateError
+        Naming the condition, the mode and by how much it fails.
+    """
+    names = [m.name for m in modes]
+    claims = [_nonnegative(modes, t, names), _contained(modes, t, names), _bounded(modes, t)]
+    model = ErrorModel(modes, t)
+    if cert["kind"] == "linf":
+        level2 = check_linf(model, t, cert, names)["error_bound2"]
+        if Q(cert["level"]) ** 2 < level2:
+            raise CertificateError(f"certificate: level {cert['level']:.9g} claimed, only {float(level2) ** 0.5:.9g} "
+                                   "is proved.")
+        claims.append(f"L-infinity: |x_hi - x| and |x - x_lo| (2-norm) stay ultimately below {cert['level']:.6g} "
+                      f"(mu = {cert['mu']:.6g}, lambda = {cert['lam']:.6g}), {switching_words(cert)}")
+    elif cert["kind"] == "width":
+        level = check_width(model, cert, names)["width_bound"]
+        if Q(cert["level"]) < level:
+            raise CertificateError(f"certificate: width {cert['level']:.9g} claimed, only {float(level):.9g} is proved.")
+        claims.append(f"Width: p'(x_hi - x_lo) stays ultimately below {cert['level']:.6g}, shrinking by "
+                      f"{cert['a']:.6g} per sample, for arbitrary switching")
+    elif cert["kind"] == "box" and not cert.get("steady_box"):
+        raise CertificateError("certificate: a box design without its box.")
+    elif cert["kind"] not in ("box", "none"):
+        raise CertificateError(f"certificate: kind {cert['kind']!r} (found), expected linf, width, box or none.")
+    if cert.get("steady_box"):
+        z = cert["steady_box"]
+        check_box(model, {"z_" + s: z[s] for s in SIDES}, names)
+        width = ", ".join(f"{a + b:.4g}" for a, b in zip(z["hi"], z["lo"]))
+        claims.append(f"Ultimate width of each state at most [{width}], for arbitrary switching")
+    return claims
+
+
+def switching_words(cert: dict) -> str:
+    """Say for which switching the level is proved."""
+    if Q(cert["rho"]) == 1 or cert["dwell_add"] <= cert["dwell_drain"]:
+        return "for arbitrary switching"
+    tau = Fraction(cert["dwell_add"], cert["dwell_drain"])
+    return (f"for average dwell time at least {float(tau):.6g} samples with chatter bound {cert['chatter']:g} "
+            f"(jump factor {cert['rho']:.6g})")
+
+
+def digest(*parts) -> str:
+    """Hash (sha256) of the JSON of the parts: any change of a stored number shows."""
+    text = json.dumps(parts, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _nonnegative(modes, t, names) -> str:
+    exact = Containment(modes, t)
+    worst = fmpq(0)
+    for side in SIDES:
+        for q, name in enumerate(names):
+            M = getattr(t, "M_" + side)[q]
+            if np.min(M) < 0:
+                i, j = np.unravel_index(np.argmin(M), M.shape)
+                raise CertificateError(f'certificate: T A - L C has the negative entry {M[i, j]:.6g} at ({i}, {j}) in '
+                                       f'mode "{name}" ({side} framer), expected >= 0.')
+            worst = max([worst, *(abs(x) for x in exact.leftover(q, side)[1].ravel())])
+    return (f"T A - L C >= 0 in every mode; the rounded table differs from it by at most {float(worst):.2g}, "
+            "which the offsets cover")
+
+
+def _contained(modes, t, names) -> str:
+    for name, q, side, demands in Containment(modes, t).offsets():
+        values = getattr(t, f"{name}_{side}")[q]
+        for i, demand in enumerate(demands):
+            lack = demand.shortfall(Q(values[i]) * (1 if side == "hi" else -1), t.real)
+            if lack > 0:
+                raise CertificateError(f'certificate: offset {name}_{side}[{i}] in mode "{names[q]}" is too small by '
+                                       f"{float(lack):.3g}: the framer could lose the state.")
+    return ("x_lo <= x <= x_hi at every sample while no fault acts, for any switching, rounding included "
+            f"({t.real}, with or without fused multiply-add)")
+
+
+def _bounded(modes, t) -> str:
+    reach = np.max(np.abs([t.x_lo, t.x_hi, t.x0_lo, t.x0_hi]), axis=0)
+    if np.any(reach > t.box):
+        raise CertificateError("certificate: the state box does not contain the declared ranges.")
+    if t.clamp:
+        return "the framers are cut to the declared ranges, so they are bounded"
+    if not box_holds(modes, t):
+        raise CertificateError("certificate: the framers can leave the state box behind the rounding margins.")
+    return "the framers cannot leave the state box, whatever the inputs within their ranges"
+
+
+def _root(value: fmpq) -> fmpq:
+    """A rational not below the square root."""
+    guess = Q(float(value) ** 0.5)
+    while guess * guess < value:
+        guess *= fmpq(2**50 + 1, 2**50)
+    return guess

@@ -1,0 +1,104 @@
+"""How much the framer errors can grow per sample: exact, rounding included.
+
+With e_hi = x_hi - x and e_lo = x - x_lo both errors obey ``e+ = M e + b`` where b lies in [0, ``push``]:
+offset, disturbance and noise at their least favourable, and the rounding margin once more, because the
+computed framer may also round outward.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from flint import fmpq
+
+from .containment import Containment, sup
+from .exact import Q, product, rational
+
+Array = np.ndarray
+
+
+class ErrorModel:
+    """Exact data of the error recursion of one table.
+
+    Parameters
+    ----------
+    modes : sequence
+        The plant's modes.
+    t : FramerTables
+
+    Attributes
+    ----------
+    M : dict
+        side -> list over modes of rational (n_x, n_x).
+    push : dict
+        side -> list over modes of rational (n_x,): largest b.
+    theta2 : fmpq
+        Largest squared norm of the stacked disturbance [b without noise; Dv v; Dv v+] over all modes.
+    """
+
+    def __init__(self, modes, t):
+        self.t = t
+        exact = Containment(modes, t)
+        self.M = {s: [rational(m) for m in getattr(t, "M_" + s)] for s in ("hi", "lo")}
+        self.push = {"hi": [], "lo": []}
+        noise2 = [sum((max(a, b) ** 2 for a, b in zip(sup(p["Dv"], p["v_lo"], p["v_hi"]),
+                                                      sup(-p["Dv"], p["v_lo"], p["v_hi"]))), fmpq(0))
+                  for p in exact.exact]
+        tnl = bool(np.any(t.N_hi) or np.any(t.N_lo))
+        self.theta2 = fmpq(0)
+        for q, p in enumerate(exact.exact):
+            for side, sign in (("hi", 1), ("lo", -1)):
+                slack, push = self._slack(exact, q, p, side, sign)
+                self.push[side].append(push)
+                theta2 = sum((s * s for s in slack), fmpq(0)) + noise2[q] + (max(noise2) if tnl else 0)
+                self.theta2 = max(self.theta2, theta2)
+
+    def _slack(self, exact, q, p, side, sign):
+        """Return b without its noise terms, and b: elementwise maxima."""
+        t = self.t
+        L, N = rational(getattr(t, "L_" + side)[q]), rational(getattr(t, "N_" + side)[q])
+        T, _, _ = exact.leftover(q, side)
+        offset = [sign * Q(x) for x in getattr(t, "d_" + side)[q]]
+        against = sup(-sign * product(T, p["Bw"]), p["w_lo"], p["w_hi"])
+        along = sup(sign * product(T, p["Bw"]), p["w_lo"], p["w_hi"])
+        fall = sup(-sign * product(L, p["Dv"]), p["v_lo"], p["v_hi"])
+        rise = sup(sign * product(L, p["Dv"]), p["v_lo"], p["v_hi"])
+        falls = [sup(-sign * product(N, s["Dv"]), s["v_lo"], s["v_hi"]) for s in exact.exact]
+        rises = [sup(sign * product(N, s["Dv"]), s["v_lo"], s["v_hi"]) for s in exact.exact]
+        slack, push = [], []
+        for i, x in enumerate(offset):
+            margin = x - along[i] - fall[i] - max(r[i] for r in falls)
+            slack.append(x + against[i] + margin)
+            push.append(x + against[i] + rise[i] + max(r[i] for r in rises) + margin)
+        return slack, np.array(push, dtype=object)
+
+    def box_violation(self, z: Array, side: str):
+        """First (mode, state, excess) at which M_q z + push_q <= z fails, or None."""
+        for q, (M, push) in enumerate(zip(self.M[side], self.push[side])):
+            excess = M @ z + push - z
+            worst = int(np.argmax([float(e) for e in excess]))
+            if excess[worst] > 0:
+                return q, worst, excess[worst]
+        return None
+
+    def steady_box(self, side: str, rounds: int = 20000) -> Array | None:
+        """Box that contains the error from some sample on, under arbitrary switching; None if none is found.
+
+        Iterates z <- max_q(M_q z + push_q) in floating point, adds a thousandth, and lets exact arithmetic
+        decide whether it is one.
+        """
+        M = np.array([[[float(x) for x in row] for row in m] for m in self.M[side]])
+        b = np.array([[float(x) for x in row] for row in self.push[side]])
+        z = b.max(axis=0)
+        for _ in range(rounds):
+            new = (M @ z + b).max(axis=0)
+            if not np.all(np.isfinite(new)) or np.any(new > 1e12 * (1 + b.max())):
+                return None
+            done = np.all(new <= z * (1 + 1e-9))
+            z = np.maximum(z, new)
+            if done:
+                break
+        for extra in (1e-6, 1e-5, 1e-4, 1e-3, 1e-2):
+            candidate = rational(z * (1 + extra) + extra * z.max() * 1e-6)
+            if self.box_violation(candidate, side) is None:
+                return np.array([float(x) for x in candidate])
+        return None

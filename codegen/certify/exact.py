@@ -1,0 +1,86 @@
+"""Exact rational matrices and the one decision that needs an algorithm: positive definiteness."""
+
+from __future__ import annotations
+
+import numpy as np
+from flint import fmpq, fmpq_mat
+
+Array = np.ndarray
+
+
+def Q(value) -> fmpq:
+    """The exact rational value of a float (or int, or fmpq)."""
+    return value if isinstance(value, fmpq) else fmpq(*float(value).as_integer_ratio())
+
+
+def rational(array: Array) -> Array:
+    """Object array of the exact values; ``@``, ``+`` and ``*`` of numpy then are exact."""
+    array = np.asarray(array)
+    out = np.empty(array.shape, dtype=object)
+    for index in np.ndindex(array.shape):
+        out[index] = Q(array[index])
+    return out
+
+
+def product(A: Array, B: Array) -> Array:
+    """Exact matrix product of rational object arrays (empty inner dimension gives exact zeros)."""
+    if A.shape[1] == 0:
+        return zeros(A.shape[0], B.shape[1])
+    return A @ B
+
+
+def zeros(*shape: int) -> Array:
+    """Object array of exact zeros."""
+    out = np.empty(shape, dtype=object)
+    out.fill(fmpq(0))
+    return out
+
+
+def eye(n: int) -> Array:
+    """Exact identity."""
+    out = zeros(n, n)
+    for i in range(n):
+        out[i, i] = fmpq(1)
+    return out
+
+
+def leading_failure(S: Array) -> int | None:
+    """Index of the first non-positive pivot of the symmetric rational S, or None: S is positive definite.
+
+    Plain LDL' elimination without pivoting; exact, so its answer is a proof either way.
+    """
+    M = fmpq_mat([[Q(x) for x in row] for row in S])
+    n = M.nrows()
+    for k in range(n):
+        pivot = M[k, k]
+        if pivot <= 0:
+            return k
+        for i in range(k + 1, n):
+            if M[i, k] != 0:
+                factor = M[i, k] / pivot
+                for j in range(k + 1, n):
+                    M[i, j] -= factor * M[k, j]
+    return None
+
+
+def largest(values) -> fmpq:
+    """Maximum of rationals."""
+    return max(values)
+
+
+def up(value: fmpq, real: str = "float64") -> float:
+    """Smallest convenient float that is not below the rational ``value``."""
+    return _directed(value, real, np.inf)
+
+
+def down(value: fmpq, real: str = "float64") -> float:
+    """Largest convenient float that is not above the rational ``value``."""
+    return _directed(value, real, -np.inf)
+
+
+def _directed(value: fmpq, real: str, direction: float) -> float:
+    dtype = np.dtype(real).type
+    guess = dtype(float(value))
+    while (Q(guess) < value) if direction > 0 else (Q(guess) > value):
+        guess = np.nextafter(guess, dtype(direction))
+    return float(guess)

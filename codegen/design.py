@@ -1,0 +1,182 @@
+"""A finished design: the tables that the C will hold, their certificate, and design.json, which keeps both."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from . import __version__
+from .certify.claims import check, digest
+from .errors import CertificateError, PlantError, ResiduaError
+from .observers import FAMILIES, FramerTables, IntervalObserver, Supervision
+from .plant.load import loads
+from .plant.model import Plant
+
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Design:
+    """A plant with an observer whose constants are final and certified.
+
+    Parameters
+    ----------
+    plant : Plant
+    method : str
+    observer : IntervalObserver
+        Of the run-time family of the method; ``observer.tables[real]`` for both number types.
+    certificate : dict
+        real -> certificate of ``certify.claims``.
+    proved : dict
+        real -> list of sentences.
+    detection : dict
+        real -> list of {"channel", "unit", "by_delay"}: surely detected faults.
+    choice : list of dict
+        What was tried: label, criterion figures, chosen or not.
+    options : dict
+    """
+
+    plant: Plant
+    method: str
+    observer: IntervalObserver
+    certificate: dict[str, dict]
+    proved: dict[str, list[str]]
+    detection: dict[str, list[dict]]
+    choice: list[dict] = field(default_factory=list)
+    options: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def plant_sha256(self) -> str:
+        """Hash of the plant file's text."""
+        return hashlib.sha256(self.plant.text.encode()).hexdigest()
+
+    @property
+    def digest(self) -> str:
+        """Hash over everything that the certificate is about."""
+        return digest(self.plant_sha256, self.method, self.observer.family, self.observer.supervision.to_dict(),
+                      {r: t.to_dict() for r, t in self.observer.tables.items()}, self.certificate)
+
+    def claims(self, real: str) -> list[str]:
+        """What is proved for the tables of one number type, one sentence per claim."""
+        return self.proved[real]
+
+    def save(self, path) -> Path:
+        """Write design.json; whole or not at all.
+
+        Parameters
+        ----------
+        path : str or Path
+
+        Returns
+        -------
+        Path
+        """
+        path = Path(path)
+        part = path.with_name(path.name + ".part")
+        part.write_text(self.to_json(), encoding="utf-8")
+        part.replace(path)
+        return path
+
+    def to_json(self) -> str:
+        """The text of design.json."""
+        data = {
+            "format": FORMAT, "tool": f"residua {__version__}", "digest": self.digest, "method": self.method,
+            "family": self.observer.family, "options": self.options,
+            "plant": {"name": self.plant.name, "sha256": self.plant_sha256, "toml": self.plant.text},
+            "supervision": self.observer.supervision.to_dict(),
+            "tables": {r: t.to_dict() for r, t in self.observer.tables.items()},
+            "certificate": self.certificate, "proved": self.proved, "detection": self.detection, "choice": self.choice,
+        }
+        return pretty(data) + "\n"
+
+
+def pretty(value, depth: int = 3, indent: str = "") -> str:
+    """JSON with one key per line down to a depth, and numbers on one line below it."""
+    if isinstance(value, dict) and value and depth > 0:
+        inner = indent + " "
+        rows = [f"{inner}{json.dumps(k)}: {pretty(v, depth - 1, inner)}" for k, v in value.items()]
+        return "{\n" + ",\n".join(rows) + "\n" + indent + "}"
+    if isinstance(value, list) and value and isinstance(value[0], dict) and depth > 0:
+        inner = indent + " "
+        return "[\n" + ",\n".join(inner + json.dumps(v) for v in value) + "\n" + indent + "]"
+    return json.dumps(value)
+
+
+def read_design(path) -> Design:
+    """Read design.json back, and check that it belongs together.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, or the folder that holds it.
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    CertificateError
+        The digest does not fit the content.
+    PlantError
+        The file cannot be read, or the plant inside it is wrong.
+    """
+    path = Path(path)
+    path = path / "design.json" if path.is_dir() else path
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise PlantError(f"{path}: cannot be read ({error.strerror}). Give a design.json or the folder "
+                         "that holds one.") from error
+    except ValueError as error:
+        raise PlantError(f"{path}: is no JSON text ({error}). Make it again with: residua design PLANT "
+                         "-o design.json") from error
+    try:
+        return _assemble(path, data)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise CertificateError(f"{path}: not a design of format {FORMAT} ({type(error).__name__}: {error}). "
+                               "Make it again with: residua design PLANT -o design.json") from error
+
+
+def _assemble(path: Path, data: dict) -> Design:
+    if data["format"] != FORMAT:
+        raise CertificateError(f"{path}: format {data['format']} (found), expected {FORMAT}. Use the residua that "
+                               "wrote it, or design again.")
+    plant = loads(data["plant"]["toml"], name=f"{path}: plant", folder=str(path.parent))
+    sizes = (plant.n_modes, plant.n_x, plant.n_u, plant.n_y)
+    tables = {r: FramerTables.from_dict(t, sizes) for r, t in data["tables"].items()}
+    observer = FAMILIES[data["family"]](tables, Supervision.from_dict(data["supervision"]))
+    design = Design(plant, data["method"], observer, data["certificate"], data["proved"], data["detection"],
+                    data["choice"], data["options"])
+    if design.digest != data["digest"] or design.plant_sha256 != data["plant"]["sha256"]:
+        raise CertificateError(f"{path}: digest {data['digest'][:12]} (found), expected {design.digest[:12]}: a stored "
+                               "number was changed. Design again.")
+    return design
+
+
+def recheck(design: Design) -> dict[str, list[str]]:
+    """Repeat every condition of the certificate in exact arithmetic, without the solver.
+
+    Returns
+    -------
+    dict
+        real -> what is proved.
+
+    Raises
+    ------
+    CertificateError
+    """
+    return {real: check(design.plant.modes, t, design.certificate[real]) for real, t in design.observer.tables.items()}
+
+
+def read_checked(path) -> Design:
+    """``read_design`` for callers that emit: refuses what does not certify."""
+    design = read_design(path)
+    try:
+        recheck(design)
+    except ResiduaError as error:
+        raise CertificateError(f"{path}: {error}") from error
+    return design

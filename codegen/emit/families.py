@@ -1,0 +1,155 @@
+"""The run-time families as C: which struct members they have, what their maps read and write."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .cprint import REAL_BYTES, literal
+from .maps import Linear, MapSpec, Names
+
+Array = np.ndarray
+Member = tuple[str, str, str, tuple[str, ...]]  # C type, name, array size, comment
+
+
+@dataclass(frozen=True)
+class StateLayout:
+    """Members of the state struct, its size in bytes, the statements that clear all but the framers."""
+
+    members: tuple[Member, ...]
+    size: int
+    clear: tuple[str, ...]
+    has_mode: bool
+
+
+def specs(family: str, t, names: Names, x, y) -> tuple[MapSpec, MapSpec, MapSpec]:
+    """State the three maps of a family: residual bounds, framers forward, framers blind.
+
+    Parameters
+    ----------
+    family : {"interval", "tnl"}
+    t : FramerTables
+    names : Names
+    x, y : tuple of Channel
+
+    Returns
+    -------
+    residual, forward, blind : MapSpec
+    """
+    p, m = names.prefix, names.macro
+    states, outputs = (tuple(f"{v}[{c.index}] {c.name}" for c in cs) for v, cs in (("x", x), ("y", y)))
+    now = {"selector": "in->mode", "index": "in->mode", "names": names}
+    residual = MapSpec(
+        f"{p}_residual", ("r_hi = pos(C) x_hi - neg(C) x_lo + D u + c_hi - y",
+                          "r_lo = pos(C) x_lo - neg(C) x_hi + D u + c_lo - y"),
+        (f"const {p}_in *in", f"{p}_out *out"), target_lo="out->r_lo", target_hi="out->r_hi", rows=outputs,
+        common=_inputs(names, ("D", t.D, t.D, "in->u", "NU")), shared=True, offset=Linear("c", t.c_lo, t.c_hi),
+        state=Linear("C", t.C, t.C, "out->x", f"{m}_NX"), by_sign=True, minus="in->y", tail=(),
+        row_count=f"{m}_NY", **now)
+    if family == "interval":
+        own = {"parameters": (f"{p}_state *s", f"const {p}_in *in", f"const {p}_out *out"), **now}
+        read, target, u, last_y = "out->x", "s->x", "in->u", "in->y"
+        blind_own = own
+    else:
+        # A state overwritten by an upset of the memory must not read a table out of bounds.
+        index = f"(s->mode < {m}_MODES) ? s->mode : 0U"
+        then = {"selector": "s->mode", "index": f"({index})", "names": names}
+        own = {"parameters": (f"const {p}_state *s", f"const {p}_in *in", f"{p}_out *out"), **then}
+        read, target, u, last_y = "s->x", "out->x", "s->u", "s->y"
+        blind_own = own | {"parameters": (f"const {p}_state *s", f"{p}_out *out")}
+    cut = (f"{p}_cut({target}_lo, {target}_hi);",)
+    to = {"target_lo": f"{target}_lo", "target_hi": f"{target}_hi", "rows": states, "row_count": f"{m}_NX",
+          "minus": ""}
+    gains = [("G", t.G_lo, t.G_hi, u, "NU"), ("L", t.L_lo, t.L_hi, last_y, "NY")]
+    if family == "tnl":
+        gains.append(("N", t.N_lo, t.N_hi, "in->y", "NY"))
+    forward = MapSpec(f"{p}_forward", _forward_equation(family, t.clamp), common=_inputs(names, *gains),
+                      shared=t.shared, offset=Linear("d", t.d_lo, t.d_hi),
+                      state=Linear("M", t.M_lo, t.M_hi, read, f"{m}_NX"), by_sign=False,
+                      tail=cut if t.clamp else (), **own, **to)
+    blind = MapSpec(f"{p}_blind", ("x_hi+ = pos(A) x_hi - neg(A) x_lo + B u + a_hi",
+                                   "x_lo+ = pos(A) x_lo - neg(A) x_hi + B u + a_lo, both cut to the range of x"),
+                    common=_inputs(names, ("B", t.B, t.B, u, "NU")), shared=True,
+                    offset=Linear("a", t.a_lo, t.a_hi), state=Linear("A", t.A, t.A, read, f"{m}_NX"),
+                    by_sign=True, tail=cut, **blind_own, **to)
+    return residual, forward, blind
+
+
+def _inputs(names: Names, *parts) -> tuple[Linear, ...]:
+    """Make the common terms; those of the input only if there is one."""
+    return tuple(Linear(name, lo, hi, operand, f"{names.macro}_{count}") for name, lo, hi, operand, count in parts
+                 if lo.shape[2])
+
+
+def _forward_equation(family: str, clamp: bool) -> tuple[str, ...]:
+    terms = "G u + L y + " + ("N y+ + " if family == "tnl" else "")
+    cut = (", both cut to the range of x",) if clamp else ("",)
+    return (f"x_hi+ = M x_hi + {terms}d_hi", f"x_lo+ = M x_lo + {terms}d_lo{cut[0]}")
+
+
+def state_fields(family: str, names: Names, s, n_bits: int, sizes: tuple[int, int, int]) -> StateLayout:
+    """Lay out the state: numbers first, then 32-bit words, so that no compiler pads it.
+
+    ``s`` is the Supervision, ``sizes`` are n_x, n_u and n_y.
+    """
+    m, real, (n_x, n_u, n_y) = names.macro, names.real_type, sizes
+    numbers: list[Member] = [
+        (real, "x_lo", f"[{m}_NX]", ("lower bounds of x; unit and order of x",)),
+        (real, "x_hi", f"[{m}_NX]", ("upper bounds of x",))]
+    if family == "tnl":
+        numbers += [(real, "u", f"[{m}_NU]", ("inputs of the last sample",))] * bool(n_u)
+        numbers.append((real, "y", f"[{m}_NY]", ("measurements of the last measured sample",)))
+    kept = [f"s->{v}[{i}]" for v, n in (("u", n_u), ("y", n_y)) for i in range(n)] if family == "tnl" else []
+    words: list[tuple[str, str, str]] = []  # name, value after init, comment
+    has_mode = s.monitors_dwell or (family == "tnl" and len(names.modes) > 1)
+    if has_mode:
+        words.append(("mode", f"{m}_MODES", f"mode of the last sample; {m}_MODES: none yet"))
+    if family == "tnl":
+        words.append(("phase", f"{m}_FRESH", "0: x_lo, x_hi are this sample's; 1: last sample's, without y; 2: with y"))
+    if s.monitors_dwell:
+        words += [("bucket", "0U", f"fill of the dwell-time monitor, 0 to {s.dwell_limit}"),
+                  ("too_fast", "0U", "1 from an overflow of the bucket until it has run empty")]
+    words += [("run", "0U", f"samples outside bounds in a row, below {max(s.recover, 1)}"),
+              ("hold", "0U", f"samples within bounds still to come before assured returns, 0 to {s.hold}")]
+    members = numbers + [("uint32_t", name, "", (note,)) for name, _, note in words]
+    clear = [f"{place} = {literal(0.0, names.real)};" for place in kept]
+    clear += [f"s->{name} = {value};" for name, value, _ in words]
+    count = len(words) + 1
+    if s.debounce[1] > 1:
+        members.append(("uint32_t", "history", f"[{m}_BITS]",
+                        (f"per alarm bit its last {s.debounce[1]} samples, the newest in bit 0",)))
+        clear += [f"s->history[{i}] = 0U;" for i in range(n_bits)]
+        count += n_bits
+    members.append(("uint32_t", "latched", "", ("alarm bits as in out->latched",)))
+    clear.append("s->latched = 0U;")
+    if names.real == "float64" and count % 2:
+        members.append(("uint32_t", "spare", "", ("always 0: fills the struct to a multiple of 8 bytes",)))
+        clear.append("s->spare = 0U;")
+        count += 1
+    size = 4 * count + REAL_BYTES[names.real] * (2 * n_x + len(kept))
+    return StateLayout(tuple(members), size, tuple(clear), has_mode)
+
+
+def in_fields(names: Names, n_u: int, n_y: int) -> tuple[Member, ...]:
+    """Members of the input struct."""
+    m, real = names.macro, names.real_type
+    inputs = ((real, "u", f"[{m}_NU]", ("inputs that act from this sample to the next",)),)
+    spare = (("uint32_t", "spare", "", ("not read: fills the struct to a multiple of 8 bytes",)),)
+    return (*(inputs if n_u else ()), (real, "y", f"[{m}_NY]", ("measurements of this sample",)),
+            ("uint32_t", "mode", "", ("mode that acts from this sample to the next",)),
+            *(spare if names.real == "float64" else ()))
+
+
+def out_fields(names: Names) -> tuple[Member, ...]:
+    """Members of the output struct."""
+    m, real = names.macro, names.real_type
+    word = "uint32_t"
+    return ((real, "x_lo", f"[{m}_NX]", ("lower bounds of x at this sample",)),
+            (real, "x_hi", f"[{m}_NX]", ("upper bounds of x at this sample",)),
+            (real, "r_lo", f"[{m}_NY]", ("lower bound of y minus y; above 0 proves a fault; 0 after predict",)),
+            (real, "r_hi", f"[{m}_NY]", ("upper bound of y minus y; below 0 proves a fault; 0 after predict",)),
+            (word, "raw", "", (f"{m}_BIT_ of what is outside its bounds at this sample; 0 after predict",)),
+            (word, "alarm", "", ("the same after the debounce; 0 after predict",)),
+            (word, "latched", "", ("alarm bits as kept; act on these",)),
+            (word, "assured", "", ("1: the bounds and alarms of this sample are guaranteed; 0: they are not",)))

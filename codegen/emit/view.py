@@ -1,0 +1,270 @@
+"""What the templates print: frozen views of a design, every decision taken, every number a string.
+
+A template has no conditions. What a design may or may not have (inputs, a dwell monitor, a debounce
+window) is therefore a tuple here, empty where the design does without.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import EmitError
+from . import families, manual
+from .cprint import C_TYPE, check_prefix, comment, literal, macro_names
+from .layouts import LAYOUTS, lay_out
+from .manual import Bit, Channel, Manual
+from .maps import MapView, Names, Table
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Field:
+    """A member of a struct: C type, name, array size or nothing, comment lines."""
+
+    type: str
+    name: str
+    size: str
+    note: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class RangeCheck:
+    """A function that accepts a vector within its ranges: one expression, or tables and a loop."""
+
+    name: str
+    vector: str
+    what: str
+    expressions: tuple[tuple[str, ...], ...]
+    tables: tuple[Table, ...]
+    counts: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Cut:
+    """The function that cuts both framers to the declared range: statements, or tables and a loop."""
+
+    statements: tuple[str, ...]
+    tables: tuple[Table, ...]
+    counts: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Window:
+    """Debounce over more than one sample: mask of the history, and what makes an alarm of it."""
+
+    mask: str
+    alarm: str
+    votes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Dwell:
+    """The leaky bucket's constants."""
+
+    add: str
+    drain: str
+    limit: str
+
+
+@dataclass(frozen=True)
+class Guards:
+    """What the preprocessor must find for the arithmetic to be the certified one."""
+
+    mantissa: str
+    digits: int
+
+
+@dataclass(frozen=True)
+class Operations:
+    """Floating-point operations of the dearest step."""
+
+    multiply: int
+    add: int
+    compare: int
+
+
+@dataclass(frozen=True)
+class DesignView:
+    """Everything the C of one design needs. ``x``, ``u``, ``y``, ``modes``, ``bits`` are its channels."""
+
+    prefix: str
+    macro: str
+    real: str
+    c_type: str
+    layout: str
+    family: str
+    version: str
+    zero: str
+    guards: Guards
+    manual: Manual
+    initial_box: tuple[str, ...]
+    x: tuple[Channel, ...]
+    u: tuple[Channel, ...]
+    y: tuple[Channel, ...]
+    input_groups: tuple[tuple[Channel, ...], ...]
+    modes: tuple[Channel, ...]
+    bits: tuple[Bit, ...]
+    in_fields: tuple[Field, ...]
+    out_fields: tuple[Field, ...]
+    state_fields: tuple[Field, ...]
+    state_bytes: int
+    operations: Operations
+    maps: tuple[MapView, ...]
+    checks: tuple[RangeCheck, ...]
+    check_input: tuple[str, ...]
+    cut: Cut
+    start: tuple[str, ...]
+    whole_range: tuple[str, ...]
+    clear: tuple[str, ...]
+    crossed: tuple[str, ...]
+    windows: tuple[Window, ...]
+    plain: tuple[str, ...]
+    latch: str
+    recover: int
+    hold: int
+    dwell: tuple[Dwell, ...]
+    remember: tuple[str, ...]
+    undisturbed: str
+
+
+def build(design, real: str | None = None, layout: str | None = None, version: str = "") -> DesignView:
+    """Decide everything about the C of a design.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}, optional
+        Default: the plant file's.
+    layout : {"literal", "table", "loop"}, optional
+        Default: the plant file's.
+    version : str
+        Of the generator, for the banner.
+
+    Returns
+    -------
+    view : DesignView
+
+    Raises
+    ------
+    EmitError
+        Unknown real or layout, a prefix that C refuses, a table with NaN, infinity or numbers that are not
+        of type ``real``, more than 32 alarm bits, a dwell bucket beyond 32 bits.
+    """
+    plant, target, s = design.plant, design.plant.target, design.observer.supervision
+    real, layout = real or target.real, layout or target.layout
+    _check_choice("real", real, design.observer.tables)
+    _check_choice("layout", layout, LAYOUTS)
+    t = design.observer.tables[real]
+    names = Names(check_prefix(target.prefix), target.prefix.upper(), real,
+                  tuple(comment(m.name) for m in plant.modes),
+                  tuple(f"{target.prefix.upper()}_MODE_{n}" for n in macro_names(m.name for m in plant.modes)))
+    x = manual.channels(plant.x, t.x_lo, t.x_hi, real, "x")
+    u = manual.channels(plant.u, t.u_lo, t.u_hi, real, "u")
+    y = manual.channels(plant.y, t.y_lo, t.y_hi, real, "y")
+    bits = manual.bits(y, t.shared)
+    _check_words(s, len(bits))
+    specs = families.specs(design.observer.family, t, names, x, y)
+    views = tuple(lay_out(spec, layout) for spec in specs)
+    checks = tuple(_range_check(names, vector, lo, hi, layout)
+                   for vector, lo, hi in (("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi)) if len(lo))
+    fields = families.state_fields(design.observer.family, names, s, len(bits), (len(x), len(u), len(y)))
+    state = tuple(Field(*f) for f in fields.members)
+    operations = _operations(design.observer.family, views, t, len(u), len(y))
+    text = Manual(manual.banner(design, target.prefix, real, layout, version), manual.about(plant),
+                  manual.proved(design, real), manual.assumed(design, t, s.monitors_dwell),
+                  manual.alarm(s, target.prefix), manual.dwell(s), _resources(fields.size, operations))
+    modes = tuple(Channel(i, macro, name, "") for i, (macro, name) in enumerate(zip(names.mode_macros, names.modes)))
+    return DesignView(
+        prefix=names.prefix, macro=names.macro, real=real, c_type=C_TYPE[real], layout=layout,
+        family=design.observer.family, version=version, zero=literal(0.0, real),
+        guards=Guards(*(("FLT_MANT_DIG", 24) if real == "float32" else ("DBL_MANT_DIG", 53))), manual=text,
+        initial_box=manual.initial_box(x, t, real), x=x, u=u, y=y,
+        input_groups=(u,) if u else (), modes=modes, bits=bits,
+        in_fields=tuple(Field(*f) for f in families.in_fields(names, len(u), len(y))),
+        out_fields=tuple(Field(*f) for f in families.out_fields(names)), state_fields=state,
+        state_bytes=fields.size, operations=operations, maps=views, checks=checks,
+        check_input=tuple(c.name for c in checks if c.vector == "u"), cut=_cut(names, t, layout),
+        start=_assign("s->x_lo", t.x0_lo, real) + _assign("s->x_hi", t.x0_hi, real),
+        whole_range=_assign("s->x_lo", t.x_lo, real) + _assign("s->x_hi", t.x_hi, real), clear=fields.clear,
+        crossed=() if t.shared else (bits[-1].macro,), windows=_windows(s, names.prefix),
+        plain=("alarm",) if s.debounce[1] == 1 else (), latch="s->latched | alarm" if s.latch else "alarm",
+        recover=max(s.recover, 1), hold=s.hold,
+        dwell=(Dwell(f"{s.dwell_add}U", f"{s.dwell_drain}U", f"{s.dwell_limit}U"),) if s.monitors_dwell else (),
+        remember=("s->mode = in->mode;",) if fields.has_mode else (),
+        undisturbed="(s->hold == 0U) && (s->too_fast == 0U)" if s.monitors_dwell else "s->hold == 0U")
+
+
+def _check_choice(what: str, value: str, known) -> None:
+    if value not in known:
+        raise EmitError(f"{what}: {value!r} is unknown (expected {' or '.join(known)}). Choose one of these.")
+
+
+def _check_words(s, n_bits: int) -> None:
+    """Refuse what does not fit the 32-bit words of the supervisor."""
+    if n_bits > 32:
+        raise EmitError(f"alarm: {n_bits} bits (expected at most 32: one per output, one if the framers' gains "
+                        "differ). Split the outputs over two observers.")
+    if s.dwell_limit + s.dwell_add >= 2**32 or not 1 <= s.debounce[0] <= s.debounce[1] <= 32:
+        raise EmitError(f"supervision: dwell bucket {s.dwell_limit} + {s.dwell_add} or debounce {s.debounce} does not "
+                        "fit 32-bit words. Make the design again.")
+
+
+def _assign(array: str, values: Array, real: str) -> tuple[str, ...]:
+    return tuple(f"{array}[{i}] = {literal(v, real)};" for i, v in enumerate(values))
+
+
+def _vector_table(name: str, count: str, values: Array, real: str) -> Table:
+    return Table(name, f"[{count}]", (), tuple(f"{literal(v, real)}," for v in values))
+
+
+def _range_check(names: Names, vector: str, lo: Array, hi: Array, layout: str) -> RangeCheck:
+    """Accept a vector in its ranges; NaN fails every comparison, so it is refused as well."""
+    what = "The inputs are numbers within their ranges." if vector == "u" else (
+        "The measurements are numbers within their ranges.")
+    name, count = f"{names.prefix}_{vector}_accepted", f"{names.macro}_N{vector.upper()}"
+    if layout == "loop":
+        tables = (_vector_table("least", count, lo, names.real), _vector_table("most", count, hi, names.real))
+        return RangeCheck(name, vector, what, (), tables, (count,))
+    lines = tuple(f"(in->{vector}[{i}] >= {literal(a, names.real)}) && (in->{vector}[{i}] <= {literal(b, names.real)})"
+                  for i, (a, b) in enumerate(zip(lo, hi)))
+    return RangeCheck(name, vector, what, (lines,), (), ())
+
+
+def _cut(names: Names, t, layout: str) -> Cut:
+    count = f"{names.macro}_NX"
+    if layout == "loop":
+        tables = (_vector_table("least", count, t.x_lo, names.real), _vector_table("most", count, t.x_hi, names.real))
+        return Cut((), tables, (count,))
+    return Cut(tuple(f"{x}[{i}] = {names.prefix}_clip({x}[{i}], {literal(a, names.real)}, {literal(b, names.real)});"
+                     for i, (a, b) in enumerate(zip(t.x_lo, t.x_hi)) for x in ("x_lo", "x_hi")), (), ())
+
+
+def _windows(s, prefix: str) -> tuple[Window, ...]:
+    """Debounce m of n: the cheapest test that says at least m of the last n bits are set."""
+    m, n = s.debounce
+    mask = f"0x{2**n - 1:X}U"
+    if n == 1:
+        return ()
+    if m == 1:
+        return (Window(mask, "s->history[i] != 0U", ()),)
+    if m == n:
+        return (Window(mask, f"s->history[i] == {mask}", ()),)
+    return (Window(mask, f"{prefix}_ones(s->history[i]) >= {m}U", (f"{prefix}_ones",)),)
+
+
+def _operations(family: str, views: tuple[MapView, ...], t, n_u: int, n_y: int) -> Operations:
+    """Count the dearest step: residual bounds and the dearer way of moving the framers that a step takes."""
+    residual, forward, blind = (np.array(v.operations) for v in views)
+    moves = np.maximum(forward, blind) if family == "tnl" else forward
+    multiply, add = (int(n) for n in residual + moves)
+    n_x, cuts = len(t.x_lo), t.clamp or family == "tnl"
+    return Operations(multiply, add, 2 * n_u + 4 * n_y + (0 if t.shared else n_x) + (4 * n_x if cuts else 0))
+
+
+def _resources(size: int, operations: Operations) -> tuple[str, ...]:
+    return (f"state: {size} bytes per instance; no heap, no static variables",
+            f"step: at most {operations.multiply} multiplications, {operations.add} additions and "
+            f"{operations.compare} comparisons of real numbers")

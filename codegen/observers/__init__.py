@@ -1,0 +1,11 @@
+"""Run-time families: one recursion per file, the numpy step that the C must equal bit for bit."""
+
+from .framer import FramerTables
+from .interval import IntervalObserver
+from .supervisor import Supervision
+from .tnl import TnlObserver
+from .trace import Trace
+
+FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver}
+
+__all__ = ["FAMILIES", "FramerTables", "IntervalObserver", "Supervision", "TnlObserver", "Trace"]

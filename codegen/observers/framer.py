@@ -1,0 +1,193 @@
+"""Tables and arithmetic of the interval family: what the C computes, operation by operation.
+
+An interval observer carries two framers, ``x_lo <= x <= x_hi``. In mode q both obey the same recursion
+
+    x_hi+ = M x_hi + (G u + L y + N y+) + d_hi,      x_lo+ = M x_lo + (G u + L y + N y+) + d_lo,
+
+with ``M >= 0`` elementwise, N = 0 for the classical observer. ``d_hi``/``d_lo`` hold the worst case of
+disturbance, noise *and rounding*, so the two lines are sound in floating point.
+
+Every function here repeats the C's operations in the C's order and precision: a sum starts with the
+input terms, then the outputs, then the offset, then the state; products are rounded before they are
+added. Terms with coefficient zero, which the C leaves out, change no value. The arrays have a leading
+axis of S independent runs, so that a test can drive many at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class FramerTables:
+    """The numbers that the C holds, exactly (dtype float32 or float64); N modes on the first axis.
+
+    Parameters
+    ----------
+    real : {"float32", "float64"}
+    M_hi, M_lo : ndarray (N, n_x, n_x)
+        T A - L C of the upper and lower framer, >= 0 elementwise.
+    G_hi, G_lo : ndarray (N, n_x, n_u)
+        T B - L D.
+    L_hi, L_lo, N_hi, N_lo : ndarray (N, n_x, n_y)
+    d_hi, d_lo : ndarray (N, n_x)
+        Offsets: worst case of w and v, plus what rounding can take away.
+    A : ndarray (N, n_x, n_x), B : ndarray (N, n_x, n_u)
+        Open-loop prediction, for a sample whose measurement is missing.
+    a_hi, a_lo : ndarray (N, n_x)
+        Its offsets.
+    C : ndarray (N, n_y, n_x), D : ndarray (N, n_y, n_u), c_hi, c_lo : ndarray (N, n_y)
+        Output framers.
+    x_lo, x_hi, x0_lo, x0_hi, box : ndarray (n_x,)
+        Declared range, initial box, and the bound on the magnitude of both framers behind the margins.
+    u_lo, u_hi : ndarray (n_u,), y_lo, y_hi : ndarray (n_y,)
+        What the input check accepts.
+    clamp : bool
+        The framers are cut to the declared range after each update (where no invariant box exists).
+    """
+
+    real: str
+    M_hi: Array
+    M_lo: Array
+    G_hi: Array
+    G_lo: Array
+    L_hi: Array
+    L_lo: Array
+    N_hi: Array
+    N_lo: Array
+    d_hi: Array
+    d_lo: Array
+    A: Array
+    B: Array
+    a_hi: Array
+    a_lo: Array
+    C: Array
+    D: Array
+    c_hi: Array
+    c_lo: Array
+    x_lo: Array
+    x_hi: Array
+    x0_lo: Array
+    x0_hi: Array
+    box: Array
+    u_lo: Array
+    u_hi: Array
+    y_lo: Array
+    y_hi: Array
+    clamp: bool
+
+    @property
+    def shared(self) -> bool:
+        """Both framers have the same gains, so the C computes their common part once."""
+        pairs = ((self.M_hi, self.M_lo), (self.G_hi, self.G_lo), (self.L_hi, self.L_lo), (self.N_hi, self.N_lo))
+        return all(np.array_equal(a, b) for a, b in pairs)
+
+    @property
+    def dtype(self) -> np.dtype:
+        """The numpy type of the tables."""
+        return np.dtype(self.real)
+
+    def to_dict(self) -> dict:
+        """Return plain lists and numbers for design.json; every float is exact."""
+        out = {}
+        for f in fields(self):
+            value = getattr(self, f.name)
+            out[f.name] = value.astype(np.float64).tolist() if isinstance(value, np.ndarray) else value
+        return out
+
+    @classmethod
+    def from_dict(cls, data: dict, sizes: tuple[int, int, int, int]) -> FramerTables:
+        """Rebuild from ``to_dict``; ``sizes`` is (n_modes, n_x, n_u, n_y), needed where n_u is 0."""
+        n, x, u, y = sizes
+        shapes = {"M_hi": (n, x, x), "M_lo": (n, x, x), "G_hi": (n, x, u), "G_lo": (n, x, u),
+                  "L_hi": (n, x, y), "L_lo": (n, x, y), "N_hi": (n, x, y), "N_lo": (n, x, y),
+                  "d_hi": (n, x), "d_lo": (n, x), "A": (n, x, x), "B": (n, x, u), "a_hi": (n, x),
+                  "a_lo": (n, x), "C": (n, y, x), "D": (n, y, u), "c_hi": (n, y), "c_lo": (n, y),
+                  "x_lo": (x,), "x_hi": (x,), "x0_lo": (x,), "x0_hi": (x,), "box": (x,),
+                  "u_lo": (u,), "u_hi": (u,), "y_lo": (y,), "y_hi": (y,)}
+        dtype = np.dtype(data["real"])
+        arrays = {k: np.array(data[k], dtype=np.float64).reshape(s).astype(dtype) for k, s in shapes.items()}
+        return cls(real=data["real"], clamp=bool(data["clamp"]), **arrays)
+
+
+def add_terms(total: Array, matrix: Array, vector: Array) -> Array:
+    """Add ``matrix @ vector`` to ``total`` one column after the other, each product and sum rounded.
+
+    Shapes: total (S, r), matrix (S, r, c), vector (S, c).
+    """
+    for j in range(matrix.shape[2]):
+        total = total + matrix[:, :, j] * vector[:, j, None]
+    return total
+
+
+def propagate(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: Array, y_next: Array):
+    """One step of both framers from sample k to k+1 with the mode q of sample k.
+
+    Parameters
+    ----------
+    q : ndarray (S,) int
+    x_lo, x_hi : ndarray (S, n_x)
+    u : ndarray (S, n_u)
+    y, y_next : ndarray (S, n_y)
+        y at k, and y at k+1 (multiplied by N; pass zeros for the classical observer).
+
+    Returns
+    -------
+    lo, hi : ndarray (S, n_x)
+    """
+    zero = np.zeros_like(x_lo)
+    sides = []
+    for M, G, L, N, d, x in ((t.M_lo, t.G_lo, t.L_lo, t.N_lo, t.d_lo, x_lo),
+                             (t.M_hi, t.G_hi, t.L_hi, t.N_hi, t.d_hi, x_hi)):
+        common = add_terms(zero, G[q], u)
+        common = add_terms(common, L[q], y)
+        common = add_terms(common, N[q], y_next)
+        sides.append(add_terms(common + d[q], M[q], x))
+    lo, hi = sides
+    return cut(t, lo, hi) if t.clamp else (lo, hi)
+
+
+def add_signed_terms(total: Array, matrix: Array, below: Array, above: Array) -> Array:
+    """Add ``pos(matrix) @ above - neg(matrix) @ below`` column by column (interval product, one bound)."""
+    for j in range(matrix.shape[2]):
+        column = matrix[:, :, j]
+        total = total + column * np.where(column >= 0, above[:, j, None], below[:, j, None])
+    return total
+
+
+def open_loop(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array):
+    """Predict without a measurement: x+ = A x + B u + Bw w over the box, cut to the declared range.
+
+    Returns
+    -------
+    lo, hi : ndarray (S, n_x)
+    """
+    common = add_terms(np.zeros_like(x_lo), t.B[q], u)
+    lo = add_signed_terms(common + t.a_lo[q], t.A[q], x_hi, x_lo)
+    hi = add_signed_terms(common + t.a_hi[q], t.A[q], x_lo, x_hi)
+    return cut(t, lo, hi)
+
+
+def cut(t: FramerTables, lo: Array, hi: Array):
+    """Cut both framers to the declared range (sound as long as the state is in it)."""
+    def clip(x):
+        x = np.where(x < t.x_lo, t.x_lo, x)
+        return np.where(x > t.x_hi, t.x_hi, x)
+    return clip(lo), clip(hi)
+
+
+def residuals(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: Array):
+    """Residual bounds r_lo = y_lo - y and r_hi = y_hi - y; a fault is proved where r_lo > 0 or r_hi < 0.
+
+    Returns
+    -------
+    r_lo, r_hi : ndarray (S, n_y)
+    """
+    common = add_terms(np.zeros_like(y), t.D[q], u)
+    lo = add_signed_terms(common + t.c_lo[q], t.C[q], x_hi, x_lo) - y
+    hi = add_signed_terms(common + t.c_hi[q], t.C[q], x_lo, x_hi) - y
+    return lo, hi

@@ -1,0 +1,126 @@
+"""The whole way, in six steps: check, synthesise, certify, emit, compile and validate, report."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from .analysis.validate import Outcome, validate
+from .design import Design
+from .emit.package import generate, install
+from .errors import ResiduaError, ValidationError
+from .host.build import build
+from .plant.load import load
+from .plant.model import Plant
+from .report.page import write_report
+from .select import choose
+
+Progress = Callable[[str], None]
+
+
+def silent(text: str) -> None:
+    """Progress that goes nowhere."""
+
+
+def design(plant: Plant, method: str | None = None, progress: Progress = silent, **options) -> Design:
+    """Synthesise and certify an observer for a plant.
+
+    Parameters
+    ----------
+    plant : Plant
+    method : str, optional
+        A key of METHODS; default: the plant file's, else the best of all that apply.
+    progress : callable
+        Gets one line per step.
+    **options
+        Override those of ``[observer]``: ``criterion``, ``lyapunov``, ``lambda_`` ...
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    DesignError
+        No design exists; says which mode and entry obstructs.
+    CertificateError
+        None survives rounding.
+    """
+    given = {k.rstrip("_"): v for k, v in options.items()}
+    return choose(plant, method or plant.method or None, {**plant.options, **given}, progress)
+
+
+@dataclass(frozen=True)
+class Result:
+    """What ``run`` leaves behind."""
+
+    folder: Path
+    design: Design
+    outcomes: list[Outcome]
+
+
+def run(plant, out=None, method: str | None = None, real: str | None = None, layout: str | None = None,
+        progress: Progress = silent) -> Result:
+    """Take a plant to a folder of validated firmware with a report.
+
+    Parameters
+    ----------
+    plant : Plant, or path or gallery name
+    out : path, optional
+        Default ``./<plant>_<method>``.
+    method, real, layout : str, optional
+        Override the plant file.
+    progress : callable
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    ResiduaError
+        Any step; then nothing is left at ``out`` that was not there before.
+    """
+    plant = plant if isinstance(plant, Plant) else load(plant)
+    progress(f"plant {plant.name}: {plant.n_x} states, {plant.n_modes} modes")
+    target = replace(plant.target, real=real or plant.target.real, layout=layout or plant.target.layout)
+    made = design(replace(plant, target=target), method, progress)
+    final = Path(out) if out else Path.cwd() / f"{plant.name}_{made.method}"
+    final.parent.mkdir(parents=True, exist_ok=True)
+    stage = Path(tempfile.mkdtemp(prefix=f".{final.name}.", dir=final.parent))
+    try:
+        progress("printing C")
+        folder = generate(made, stage / final.name, real=target.real, layout=target.layout)
+        progress("compiling")
+        driver = build(folder)
+        outcomes = validate(made, driver, progress=progress)
+        progress("writing the report")
+        write_report(folder, made, driver, outcomes)
+        require(outcomes)
+        install(folder, final)
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+    return Result(final, made, outcomes)
+
+
+def require(outcomes: list[Outcome]) -> None:
+    """Raise where the compiled C broke a promise.
+
+    Raises
+    ------
+    ValidationError
+    """
+    for o in outcomes:
+        if o.differences:
+            raise ValidationError(f'scenario "{o.scenario.name}": C and reference differ in {", ".join(o.differences)}, '
+                                  "expected ==. Check the compiler for -ffast-math or contraction.")
+        if o.lost or o.false_alarms:
+            raise ValidationError(f'scenario "{o.scenario.name}": {o.lost} samples outside the bounds and '
+                                  f"{o.false_alarms} false alarms (found), expected none. Does the scenario keep to the "
+                                  "declared bounds, and do they hold on the real plant?")
+
+
+__all__ = ["Design", "ResiduaError", "Result", "design", "require", "run"]

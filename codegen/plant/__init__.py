@@ -1,0 +1,1 @@
+"""What the user states: the plant file, read, checked and simulated."""

@@ -1,0 +1,132 @@
+"""From the text of a plant file to a Plant: every check in the order in which a reader would make it."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import Any
+
+from pydantic import ValidationError
+
+from codegen.errors import PlantError
+from codegen.plant.matrices import modes_of
+from codegen.plant.messages import first_error
+from codegen.plant.model import Plant, Switching, Target
+from codegen.plant.names import check_plant_name, check_symbols, check_text, prefix_of
+from codegen.plant.scenarios import scenarios_of
+from codegen.plant.schema import PlantFile, SwitchingTable, TargetTable
+from codegen.plant.signals import initial_box, signals_of
+from codegen.plant.values import shown
+
+_NOT_BUILT = {"vertex": "[[vertex]] plants", "nonlinear": "[nonlinear] plants"}
+
+
+def build(text: str, folder: str = "", scenarios: bool = True) -> Plant:
+    """Return the plant that a TOML text states.
+
+    Parameters
+    ----------
+    text : str
+    folder : str
+        Where CSV records are looked for.
+    scenarios : bool
+        False leaves the scenarios out, and with them the need for the CSV records.
+
+    Returns
+    -------
+    plant : Plant
+
+    Raises
+    ------
+    PlantError
+        Anything wrong with the text; the message starts with the place, not with the file.
+    """
+    raw = _parsed(text)
+    try:
+        file = PlantFile.model_validate(raw)
+    except ValidationError as error:
+        raise PlantError(first_error(error, raw)) from None
+    check_plant_name(file.name)
+    check_text("title", file.title)
+    check_text("source", file.source)
+    signals = signals_of(file.signals)
+    check_symbols(file.constants, (s.name for s in signals["theta"]))
+    x0_lo, x0_hi = initial_box(file.initial, signals["x"])
+    modes = modes_of(file, signals)
+    names = [mode.name for mode in modes]
+    return Plant(
+        name=file.name,
+        title=file.title,
+        source=file.source,
+        kind=file.time.kind,
+        sample_period=float(file.time.sample_period),
+        **signals,
+        x0_lo=x0_lo,
+        x0_hi=x0_hi,
+        modes=modes,
+        switching=_switching(file.switching),
+        method=file.observer.method,
+        options=dict(file.observer.model_extra or {}),
+        target=_target(file.name, file.target),
+        scenarios=scenarios_of(file, signals, names, folder) if scenarios else (),
+        constants=dict(file.constants),
+        text=text,
+        folder=folder,
+    )
+
+
+def _parsed(text: str) -> dict[str, Any]:
+    if not text.strip():
+        raise PlantError("the file is empty (expected a plant in TOML). Start from: residua init NAME.")
+    try:
+        raw = tomllib.loads(text)
+    except RecursionError:
+        raise PlantError("the TOML nests too deeply. Flatten it.") from None
+    except ValueError as error:  # TOMLDecodeError, or an integer of thousands of digits
+        what, _, where = re.sub(r"\)$", "", str(error)).rpartition(" (at ")
+        raise PlantError(f"{where}: no TOML: {what}. Correct the line.") from None
+    if "format" not in raw:
+        raise PlantError('the key "format" is missing. Add format = 1 as the first line.')
+    if type(raw["format"]) is not int or raw["format"] != 1:
+        raise PlantError(f"format: is {shown(raw['format'])} (expected 1). Write format = 1.")
+    for key, what in _NOT_BUILT.items():
+        if key in raw:
+            raise PlantError(f"{key}: {what} are not built yet. Give the matrices as [[mode]] tables.")
+    return raw
+
+
+def _switching(table: SwitchingTable) -> Switching:
+    if table.average_dwell is not None and table.minimum_dwell is not None:
+        raise PlantError("switching: average_dwell and minimum_dwell are both given. Give one of them.")
+    if table.minimum_dwell is not None:
+        if table.chatter != 1:
+            raise PlantError(
+                f"switching.chatter: is {table.chatter:g} (expected 1 with minimum_dwell). "
+                "Leave it out, or give average_dwell."
+            )
+        return Switching(table.known, float(table.minimum_dwell), 1.0)
+    if table.average_dwell is None:
+        if table.chatter != 1:
+            raise PlantError(
+                f"switching.chatter: is {table.chatter:g}, but there is no average_dwell. Add average_dwell."
+            )
+        return Switching(table.known)
+    return Switching(table.known, float(table.average_dwell), float(table.chatter))
+
+
+def _target(name: str, table: TargetTable) -> Target:
+    debounce = table.alarm.debounce
+    if len(debounce) != 2 or not 1 <= debounce[0] <= debounce[1] <= 32:
+        raise PlantError(
+            f"target.alarm.debounce: is {shown(debounce)} (expected [m, n] with 1 <= m <= n <= 32). "
+            "Write e.g. [2, 3] for two of three samples."
+        )
+    return Target(
+        prefix=prefix_of(name, table.prefix),
+        real=table.real,
+        layout=table.layout,
+        debounce=(debounce[0], debounce[1]),
+        latch=table.alarm.latch,
+        recover=table.recover,
+        hold=table.hold,
+    )

@@ -1,0 +1,185 @@
+"""The true plant, simulated in float64: what the observers are tested against.
+
+x+ = A x + B u + Bw w + Bf f,  y = C x + D u + Dv v + Df f,  with the matrices of mode q[k] at theta[k].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from codegen.errors import PlantError
+from codegen.plant.excitation import disturbances, faults, given_theta, initial_state, inputs, scheduling
+from codegen.plant.messages import unknown
+from codegen.plant.model import Array, Mode, Plant, PlantTrace, Scenario
+from codegen.plant.record import Record, read_record
+
+
+def simulate(
+    plant: Plant, scenario: str | int | Scenario, seed: int = 0, theta: Array | None = None
+) -> PlantTrace:
+    """Run a scenario on the true plant, or read the record that it names.
+
+    Parameters
+    ----------
+    plant : Plant
+    scenario : str, int or Scenario
+        A scenario of the plant by name or index, or one of your own.
+    seed : int
+        Of the random signals; the same seed gives the same run.
+    theta : ndarray (K, n_theta), optional
+        Scheduling parameters in place of the scenario's.
+
+    Returns
+    -------
+    trace : PlantTrace
+        K samples in float64. For a record x, w and v are NaN, and y is NaN where a sample is missing.
+
+    Raises
+    ------
+    PlantError
+        No such scenario; the plant is continuous; an expression has no value or leaves the declared
+        limits; the
+        CSV record is wrong.
+    """
+    chosen = _scenario(plant, scenario)
+    place = f"{plant.name}: scenarios.{chosen.name}"
+    try:
+        record = read_record(chosen.csv, plant.folder) if chosen.csv else None
+        if record is not None and record.has(plant.y):
+            return _recorded(plant, chosen, record, theta)
+        if plant.kind != "discrete":
+            raise PlantError("continuous plants are not simulated yet. State the plant in discrete time.")
+        return _simulated(plant, chosen, record, theta, np.random.default_rng(seed))
+    except PlantError as error:
+        raise PlantError(f"{place}: {error}") from None
+
+
+def range_violations(plant: Plant, trace: PlantTrace) -> list[str]:
+    """Return one line per state or output channel that leaves its declared range.
+
+    Parameters
+    ----------
+    plant : Plant
+    trace : PlantTrace
+
+    Returns
+    -------
+    lines : list of str
+        ``x.speed: 3.2 at sample 17 is outside [-3, 3]``, the first sample of each channel; empty when all
+        is in
+        range. Samples that are NaN do not count.
+    """
+    lines = []
+    for vector, values in (("x", trace.x), ("y", trace.y)):
+        lo, hi = plant.limits(vector)
+        outside = (values < lo) | (values > hi)
+        for j in np.flatnonzero(outside.any(axis=0)):
+            k = int(np.argmax(outside[:, j]))
+            signal = getattr(plant, vector)[j]
+            lines.append(
+                f"{vector}.{signal.name}: {values[k, j]:g} at sample {k} is outside [{signal.lo:g}, "
+                f"{signal.hi:g}]"
+            )
+    return lines
+
+
+def mode_signal(plant: Plant, scenario: Scenario, record: Record | None = None) -> Array:
+    """Return the active mode of each sample, an int array (K,).
+
+    Parameters
+    ----------
+    plant : Plant
+    scenario : Scenario
+    record : Record, optional
+        Its mode column, if any, goes before the schedule.
+
+    Returns
+    -------
+    q : ndarray (K,) int
+    """
+    if record is not None and "mode" in record.columns:
+        return record.modes(tuple(mode.name for mode in plant.modes))[: scenario.steps]
+    starts = np.array([sample for sample, _ in scenario.mode])
+    modes = np.array([q for _, q in scenario.mode])
+    return modes[np.searchsorted(starts, np.arange(scenario.steps), side="right") - 1]
+
+
+def matrices_at(mode: Mode, theta: Array) -> dict[str, Array]:
+    """Return the matrices of a mode at one value of theta, ``A(theta) = A + sum_j theta_j A_j``.
+
+    Parameters
+    ----------
+    mode : Mode
+    theta : ndarray (n_theta,)
+
+    Returns
+    -------
+    matrices : dict
+        "A", "B", ... -> ndarray.
+    """
+    names = ("A", "B", "C", "D", "Bw", "Dv", "Bf", "Df")
+    matrices = {name: getattr(mode, name) for name in names}
+    for name, terms in mode.theta_terms.items():
+        matrices[name] = matrices[name] + sum(value * term for value, term in zip(theta, terms))
+    return matrices
+
+
+def _scenario(plant: Plant, scenario: str | int | Scenario) -> Scenario:
+    if isinstance(scenario, Scenario):
+        return scenario
+    names = [s.name for s in plant.scenarios]
+    if isinstance(scenario, str):
+        if scenario not in names:
+            raise PlantError(f"{plant.name}: {unknown('scenario', scenario, names)}")
+        return plant.scenarios[names.index(scenario)]
+    if not 0 <= scenario < len(names):
+        raise PlantError(
+            f"{plant.name}: there is no scenario {scenario} (the plant has {len(names)}, counted from 0). "
+            "Give an index in range, or a name."
+        )
+    return plant.scenarios[scenario]
+
+
+def _simulated(
+    plant: Plant, scenario: Scenario, record: Record | None, theta: Array | None, rng: np.random.Generator
+) -> PlantTrace:
+    steps = scenario.steps
+    q = mode_signal(plant, scenario, record)
+    u = inputs(plant, scenario, record)
+    f = faults(plant, scenario, record)
+    theta = scheduling(plant, scenario, rng) if theta is None else given_theta(plant, theta, steps)
+    # Bounds of w and v per sample: they may differ by mode.
+    limits = {
+        name: np.array([getattr(plant.modes[i], name) for i in q])
+        for name in ("w_lo", "w_hi", "v_lo", "v_hi")
+    }
+    w = disturbances(plant, scenario, "w", limits["w_lo"], limits["w_hi"], rng)
+    v = disturbances(plant, scenario, "v", limits["v_lo"], limits["v_hi"], rng)
+    x, y = np.empty((steps, plant.n_x)), np.empty((steps, plant.n_y))
+    state = initial_state(plant, scenario, rng)
+    for k in range(steps):
+        m = matrices_at(plant.modes[q[k]], theta[k])
+        x[k] = state
+        y[k] = m["C"] @ state + m["D"] @ u[k] + m["Dv"] @ v[k] + m["Df"] @ f[k]
+        state = m["A"] @ state + m["B"] @ u[k] + m["Bw"] @ w[k] + m["Bf"] @ f[k]
+    return PlantTrace(x=x, u=u, y=y, q=q, theta=theta, w=w, v=v, f=f)
+
+
+def _recorded(plant: Plant, scenario: Scenario, record: Record, theta: Array | None) -> PlantTrace:
+    steps = scenario.steps
+    empty = {
+        name: np.full((steps, n), np.nan)
+        for name, n in (("x", plant.n_x), ("w", plant.n_w), ("v", plant.n_v))
+    }
+    if plant.theta and theta is None:
+        if not record.has(plant.theta):
+            raise PlantError(f'{record.name}: has no column "{plant.theta[0].name}". Add it, or give theta.')
+        theta = record.numbers(plant.theta)[:steps]
+    return PlantTrace(
+        u=inputs(plant, scenario, record),
+        y=record.numbers(plant.y, gaps=True)[:steps],
+        q=mode_signal(plant, scenario, record),
+        theta=given_theta(plant, np.empty((steps, 0)) if theta is None else theta, steps),
+        f=faults(plant, scenario, record),
+        **empty,
+    )

@@ -1,0 +1,252 @@
+"""From candidates to one design: freeze each on the target's numbers, certify it, measure it, keep the best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .analysis.detectability import SureFault, limited, surely_detected
+from .analysis.quick import QuickJudge
+from .certify.claims import check, prove
+from .certify.freeze import freeze
+from .design import Design
+from .errors import CertificateError, DesignError
+from .observers import FAMILIES, FramerTables, Supervision
+from .plant.model import Plant
+from .synthesis import METHODS, check_options
+from .synthesis.problem import Candidate, Problem
+
+Array = np.ndarray
+WITHIN = 3  # samples after the onset, where the plant file does not say
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A certified candidate and its figures of merit."""
+
+    method: str
+    candidate: Candidate
+    tables: FramerTables
+    cert: dict
+    faults: list[SureFault]
+
+    def figure(self, criterion: str | None, plant: Plant, scale: Array) -> tuple:
+        """Sort key, smaller is better: by threshold, level or width; undecided by the next of these."""
+        fault = max((f.best / s for f, s in zip(self.faults, scale)), default=np.inf)
+        width = self.width(plant)
+        level = self.cert.get("level", np.inf) if self.cert["kind"] == "linf" else np.inf
+        # Thresholds within five per cent count as equal; then a proof for any switching, then the narrower interval.
+        fault = np.floor(np.log(fault) / np.log(1.05)) if 0 < fault < np.inf else fault
+        slow = limited(self.cert) is not None if self.cert["kind"] == "linf" else False
+        order = {"linf": (level, slow, fault, width), "width": (width, fault)}
+        return order.get(criterion, (fault, slow, width, level))
+
+    def width(self, plant: Plant) -> float:
+        """Ultimate guaranteed width, summed over the states in units of their ranges."""
+        if not self.cert.get("steady_box"):
+            return np.inf
+        box = np.array(self.cert["steady_box"]["hi"]) + np.array(self.cert["steady_box"]["lo"])
+        lo, hi = plant.limits("x")
+        return float(np.sum(box / np.maximum(hi - lo, 1e-300)))
+
+    def summary(self, plant: Plant) -> dict:
+        """Row of the report's table of what was tried."""
+        return {"method": self.method, "design": self.candidate.label, "level": self.cert.get("level"),
+                "relative_width": finite(self.width(plant)),
+                "surely_detected": [finite(f.best) for f in self.faults], "chosen": False}
+
+
+def finite(x: float) -> float | None:
+    """JSON has no infinity: None stands for it."""
+    return float(x) if np.isfinite(x) else None
+
+
+def limits(plant: Plant) -> dict:
+    """Declared ranges and initial box, as ``certify.freeze`` wants them."""
+    return {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
+
+
+def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple[FramerTables, dict]:
+    """Freeze gains on one number type and certify them.
+
+    Raises
+    ------
+    CertificateError
+    """
+    tables = freeze(FramerTables, plant.modes, limits(plant), gains, real)
+    return tables, prove(plant.modes, tables, proof)
+
+
+def both_sides(c: Candidate) -> dict:
+    """The same gains for the upper and the lower framer."""
+    return {"L_hi": c.L, "L_lo": c.L, "N_hi": c.N, "N_lo": c.N}
+
+
+def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[str], None]) -> Design:
+    """Try what the options ask for and keep the best certified design.
+
+    Parameters
+    ----------
+    plant : Plant
+    method : str or None
+        None: every method that applies to the plant.
+    options : dict
+        Of ``[observer]``.
+    progress : callable
+        One line per step.
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    DesignError
+        Nothing applies, or nothing is feasible; says why.
+    CertificateError
+        Designs were found, but none survives rounding.
+    """
+    check_options(plant.name, options)
+    methods = [method] if method else list(METHODS)
+    trials, reasons = [], []
+    for name in methods:
+        if name not in METHODS:
+            raise DesignError(f"{plant.name}: observer.method is \"{name}\", expected one of {', '.join(METHODS)}.")
+        reason = METHODS[name].module.inapplicable(plant)
+        if reason is not None:
+            reasons.append(f"{plant.name}: method \"{name}\" does not apply: {reason}")
+            continue
+        try:
+            trials += explore(plant, name, options, progress)
+        except DesignError as error:
+            reasons.append(str(error))
+    if not trials:
+        raise DesignError(reasons[0] if reasons else f"{plant.name}: no design was found.")
+    scale = Problem.of(plant, False).f_scale
+    trials.sort(key=lambda t: t.figure(options.get("criterion"), plant, scale))
+    return finish(plant, trials, options)
+
+
+def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], None]) -> list[Trial]:
+    """Certified candidates of one method.
+
+    Raises
+    ------
+    DesignError, CertificateError
+    """
+    real, within = plant.target.real, int(options.get("within", WITHIN))
+    if "gains" in options:
+        return [fixed_gains(plant, name, options, within)]
+    scale = Problem.of(plant, False).f_scale
+    judge = QuickJudge(plant, scale, within) if plant.f else None
+    trials, failure, count = [], None, 0
+
+    def settled(c: Candidate):
+        quick = QuickJudge(plant, scale, 0)
+        return quick.settled(quick.tables(c.L, c.N))
+
+    for c in METHODS[name].module.candidates(plant, options=options, judge=judge, settled=settled,
+                                             progress=lambda text: progress(f"{name}: {text}")):
+        count += 1
+        try:
+            tables, cert = certified(plant, both_sides(c), c.proof, real)
+        except CertificateError as error:
+            failure = error
+            continue
+        trials.append(Trial(name, c, tables, cert, surely_detected(plant, tables, cert, within)))
+    if trials:
+        return trials
+    if failure is not None:
+        raise CertificateError(f"{plant.name}: {count} designs found, none survives rounding to {real}: {failure}")
+    raise DesignError(f"{plant.name}: T A - L C can be made nonnegative in every mode, but no gains make all modes "
+                      f'decay together ("{name}", {", ".join(options.get("criterion", "all criteria").split())}). '
+                      'Declare switching.average_dwell with lyapunov = "multiple", or measure another state.')
+
+
+def fixed_gains(plant: Plant, name: str, options: dict, within: int) -> Trial:
+    """Certify gains that the plant file gives (``[observer] gains``): containment, and P where it gives one.
+
+    Raises
+    ------
+    DesignError
+        Wrong shapes.
+    """
+    given = options["gains"]
+    shape = (plant.n_modes, plant.n_x, plant.n_y)
+    known = ("L", "N", "L_hi", "L_lo", "N_hi", "N_lo", "P", "P_hi", "P_lo")
+    for key in given:
+        if key not in known:
+            raise DesignError(f"{plant.name}: observer.gains.{key} is unknown, expected one of {', '.join(known)}.")
+    gains = {}
+    for key in ("L_hi", "L_lo", "N_hi", "N_lo"):
+        value = given.get(key, given.get(key[0]))
+        if value is None and key[0] == "N":
+            value = np.zeros(shape)
+        gains[key] = array(plant, key, value, shape)
+    proof = {"kind": "none"}
+    if "lambda" in options and ("P" in given or "P_hi" in given):
+        proof = given_proof(plant, given, options)
+    tables, cert = certified(plant, gains, proof, plant.target.real)
+    c = Candidate("gains of the plant file", gains["L_hi"], gains["N_hi"], proof)
+    trial = Trial(name, c, tables, cert, surely_detected(plant, tables, cert, within))
+    object.__setattr__(trial, "gains", gains)
+    return trial
+
+
+def given_proof(plant: Plant, given: dict, options: dict) -> dict:
+    """Proof data from Lyapunov matrices of the plant file, normalised to P >= I."""
+    from .algebra.dwell import ratio, shortest
+    from .synthesis.linf import pairwise
+
+    P = {s: array(plant, "P_" + s, given.get("P_" + s, given.get("P")), (plant.n_modes, plant.n_x)) for s in ("hi", "lo")}
+    P = {s: p / min(1.0, p.min()) for s, p in P.items()}
+    rho = max(pairwise(p) for p in P.values())
+    rho = float(np.nextafter(rho, np.inf)) if rho > 1 else 1.0
+    add, drain = ratio(max(1.0, 1.001 * shortest(rho, options["lambda"])))
+    return {"kind": "linf", "lam": options["lambda"], "rho": rho, "P_hi": P["hi"].tolist(), "P_lo": P["lo"].tolist(),
+            "dwell_add": add, "dwell_drain": drain, "chatter": plant.switching.chatter}
+
+
+def array(plant: Plant, key: str, value, shape: tuple[int, ...]) -> Array:
+    """Check and convert gains given by the user."""
+    try:
+        out = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        out = np.empty(0)
+    if out.shape != shape or not np.all(np.isfinite(out)):
+        raise DesignError(f"{plant.name}: observer.gains.{key} has shape {out.shape}, expected {shape} finite numbers "
+                          "(one matrix per mode).")
+    return out
+
+
+def supervision(plant: Plant, cert: dict) -> Supervision:
+    """Alarm handling of the plant file, and the dwell monitor where the claim rests on a dwell time."""
+    t, dwell = plant.target, {}
+    if cert["kind"] == "linf" and cert["dwell_add"] > cert["dwell_drain"] and cert["rho"] > 1:
+        dwell = {"dwell_add": cert["dwell_add"], "dwell_drain": cert["dwell_drain"],
+                 "dwell_limit": int(cert["chatter"] * cert["dwell_add"])}
+    return Supervision(debounce=t.debounce, latch=t.latch, recover=t.recover, hold=t.hold, **dwell)
+
+
+def finish(plant: Plant, trials: list[Trial], options: dict) -> Design:
+    """Freeze the winner on both number types and collect everything for design.json."""
+    best = trials[0]
+    gains = getattr(best, "gains", None) or both_sides(best.candidate)
+    tables, certs, proved, faults = {}, {}, {}, {}
+    for real in ("float32", "float64"):
+        try:
+            t, cert = (best.tables, best.cert) if real == plant.target.real else certified(
+                plant, gains, best.candidate.proof, real)
+        except CertificateError:
+            continue  # the other number type may be too coarse; generate says so when asked for it
+        tables[real], certs[real] = t, cert
+        proved[real] = check(plant.modes, t, cert)
+        within = int(options.get("within", WITHIN))
+        faults[real] = [{"channel": f.channel, "unit": f.unit, "by_delay": [finite(x) for x in f.by_delay]}
+                        for f in surely_detected(plant, t, cert, within)]
+    choice = [t.summary(plant) for t in trials]
+    choice[0]["chosen"] = True
+    observer = FAMILIES[METHODS[best.method].family](tables, supervision(plant, certs[plant.target.real]))
+    return Design(plant, best.method, observer, certs, proved, faults, choice, options)

@@ -1,0 +1,109 @@
+"""The designs of an interval observer, classical or TNL: which criteria apply, in which order they are tried."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from ..errors import DesignError
+from . import detection, linf, width
+from .problem import Candidate, Problem
+from .structure import obstruction
+
+Array = np.ndarray
+
+#: Options of ``[observer]`` that the interval family reads, with what they may be.
+OPTIONS = {
+    "criterion": ("linf", "width", "detection"), "lyapunov": ("common", "multiple"), "lambda": (0.0, 1.0),
+    "contraction": (0.0, 1.0), "gain_cap": (0.0, 1e6), "evaluations": (1, 100000), "within": (0, 50), "gains": dict,
+}
+
+
+def check_options(where: str, options: dict) -> None:
+    """Refuse unknown or impossible options.
+
+    Raises
+    ------
+    DesignError
+    """
+    for key, value in options.items():
+        if key not in OPTIONS:
+            raise DesignError(f"{where}: observer.{key} is no option of this method (expected one of "
+                              f"{', '.join(OPTIONS)}). Remove it or correct its name.")
+        allowed = OPTIONS[key]
+        if allowed is dict:
+            good = isinstance(value, dict)
+        elif isinstance(allowed[0], str):
+            good = value in allowed
+        else:
+            good = isinstance(value, int | float) and not isinstance(value, bool) and allowed[0] <= value <= allowed[1]
+        if not good:
+            words = "a table" if allowed is dict else (
+                " or ".join(f'"{a}"' for a in allowed) if isinstance(allowed[0], str)
+                else f"a number from {allowed[0]:g} to {allowed[1]:g}")
+            raise DesignError(f"{where}: observer.{key} is {value!r}, expected {words}.")
+
+
+def inapplicable(plant, tnl: bool) -> str | None:
+    """Why a plant cannot have an interval observer of this form, with what to change; None if it can."""
+    if plant.kind != "discrete":
+        return "the plant is continuous, expected discrete. Discretise it (time.kind = \"discrete\")."
+    if plant.theta:
+        return "the plant has scheduling parameters, expected constant matrices per mode."
+    if not plant.switching.known:
+        return "the mode is not known at run time, expected switching.known = true."
+    if plant.n_y == 0:
+        return "the plant has no output, expected at least one measured signal in signals.y."
+    for vector in ("x", "u", "y"):
+        for signal in getattr(plant, vector):
+            if not (np.isfinite(signal.lo) and np.isfinite(signal.hi)):
+                return (f'signals.{vector} "{signal.name}" has no range, expected range = [lo, hi]: rounding margins, '
+                        "input checks and recovery need it. Add one.")
+    if tnl and any(np.any(m.D) for m in plant.modes):
+        return 'D is not zero; the new measurement would need the new input. Use method "interval".'
+    if tnl and any(not np.array_equal(m.C, plant.modes[0].C) for m in plant.modes):
+        return ('C differs between modes, so T + N C = I would need one N per pair of modes. Use method "interval", '
+                "or a common C.")
+    return None
+
+
+def candidates(plant, tnl: bool, options: dict, judge: Callable[[Array, Array], tuple[float, float, float]] | None,
+               settled: Callable[[Candidate], Array | None], progress: Callable[[str], None]) -> Iterator[Candidate]:
+    """All designs that the options ask for.
+
+    Parameters
+    ----------
+    plant : Plant
+    tnl : bool
+    options : dict
+        See ``OPTIONS``; without ``criterion`` every criterion is tried.
+    judge : callable or None
+        (L, N) -> (worst threshold, typical threshold, relative width), for the detection design; None where the plant has no fault channel.
+    settled : callable
+        Candidate -> ultimate error box (start of the detection search) or None.
+    progress : callable
+
+    Raises
+    ------
+    DesignError
+        The structure forbids any design.
+    """
+    problem = Problem.of(plant, tnl)
+    reason = obstruction(problem)
+    if reason is not None:
+        raise DesignError(f"{plant.name}: {reason}")
+    wanted = [options["criterion"]] if "criterion" in options else ["linf", "width", "detection"]
+    boxes = []
+    for name, module in (("linf", linf), ("width", width)):
+        # The detection search starts from the boxes of the others, asked for or not.
+        if name in wanted or "detection" in wanted:
+            for c in module.candidates(problem, options if name in wanted else {}, progress):
+                box = settled(c) if "detection" in wanted and judge is not None else None
+                if box is not None:
+                    boxes.append((judge(c.L, c.N), box))
+                if name in wanted:
+                    yield c
+    if "detection" in wanted and judge is not None and boxes:
+        starts = [min(boxes, key=lambda pair: pair[0])[1], min(boxes, key=lambda pair: pair[0][::-1])[1]]
+        yield from detection.candidates(problem, options, starts[:1 + (starts[0] is not starts[1])], judge, progress)

@@ -1,0 +1,77 @@
+"""Why no interval observer exists: checks that need no Lyapunov function, and words for the user.
+
+Two things can stand in the way. A row of T A - L C cannot be made nonnegative by any L (and N): then one
+entry obstructs, and it can be named. Or it can, but something does not decay: a direction z >= 0 that the
+outputs do not see (C z = 0, with the TNL structure also C A z = 0) passes through T A - L C as A z for every
+gain, so A z >= z forbids stability (dossier 2.5, "structural trap").
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import linprog
+
+from .problem import Problem
+
+Array = np.ndarray
+
+
+def best_row(A: Array, C: Array, i: int, tnl: bool) -> tuple[float, int]:
+    """Largest achievable smallest entry of row i of T A - L C (cut at 0), and the entry where it is attained.
+
+    Parameters
+    ----------
+    A : ndarray (n_x, n_x), C : ndarray (n_y, n_x)
+    i : int
+        Row.
+    tnl : bool
+
+    Returns
+    -------
+    value : float
+        >= 0: the row can be made nonnegative.
+    column : int
+    """
+    free = np.vstack([C] + ([C @ A] if tnl else []))  # row_i(M) = A_i - g @ free
+    n, k = A.shape[0], free.shape[0]
+    cost = np.zeros(k + 1)
+    cost[-1] = -1.0  # maximise t subject to A_i - g @ free >= t, t <= 0
+    constraint = np.hstack([free.T, np.ones((n, 1))])
+    solved = linprog(cost, A_ub=constraint, b_ub=A[i], bounds=[(-1e7, 1e7)] * k + [(None, 0.0)])
+    if solved.status != 0:
+        return 0.0, i
+    row = A[i] - solved.x[:k] @ free
+    return float(solved.x[-1]), int(np.argmin(row))
+
+
+def obstruction(problem: Problem) -> str | None:
+    """Say which mode and entry forbids T A - L C >= 0, or which direction forbids decay; None if neither does."""
+    for q, name in enumerate(problem.names):
+        A, C = problem.A[q], problem.C[q]
+        for i in range(len(A)):
+            value, j = best_row(A, C, i, problem.tnl)
+            if value < -1e-9 * max(1.0, np.abs(A).max()):
+                gains = "L, N" if problem.tnl else "L"
+                matrix = "T A - L C" if problem.tnl else "A - L C"
+                other = "" if problem.tnl else 'Try method "tnl-interval", or '
+                return (f'no {gains} give {matrix} >= 0 in mode "{name}": best entry ({problem.states[i]}, '
+                        f"{problem.states[j]}) is {value:.3g}. {other or ''}"
+                        f"{'measure' if other else 'Measure'} {problem.states[j]}.")
+    for q, name in enumerate(problem.names):
+        z = unseen_growth(problem.A[q], problem.C[q], problem.tnl)
+        if z is not None:
+            parts = " + ".join(f"{v:.3g} {s}" for v, s in zip(z, problem.states) if v > 1e-9)
+            return (f'the direction z = {parts} is invisible to the outputs of mode "{name}" (C z = 0'
+                    f"{', C A z = 0' if problem.tnl else ''}) and does not decay (A z >= z), whatever the gains. "
+                    "Measure one of these states.")
+    return None
+
+
+def unseen_growth(A: Array, C: Array, tnl: bool) -> Array | None:
+    """A direction z >= 0, sum 1, with C z = 0 (and C A z = 0) and A z >= z; None if there is none."""
+    n = len(A)
+    hidden = np.vstack([C] + ([C @ A] if tnl else []))
+    equal = np.vstack([hidden, np.ones((1, n))])
+    rhs = np.concatenate([np.zeros(len(hidden)), [1.0]])
+    solved = linprog(np.zeros(n), A_ub=np.eye(n) - A, b_ub=np.zeros(n), A_eq=equal, b_eq=rhs, bounds=[(0, None)] * n)
+    return solved.x if solved.status == 0 else None

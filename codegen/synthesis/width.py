@@ -1,0 +1,99 @@
+"""Width design of an interval observer: a linear program with a copositive function (dossier 2.7, 3.8).
+
+The errors are nonnegative, so the linear function V = p' e replaces the quadratic one and everything is
+an LP, the injection of noise through the gains included (which the L-infinity LMI does not see)::
+
+    M~ = diag(p) A - X C A - W C >= 0,   1' M~ <= (1 - a) p',                      W = diag(p) L, X = diag(p) N
+    1'|diag(p) Bw - X C Bw| wbar + 1'|W Dv| vbar + 1'|X Dv| vbar <= t,             p >= |C|' 1,   minimise t
+
+With half widths wbar, vbar the width obeys ``p' (x_hi - x_lo) <= 2 t / a`` ultimately, for any switching.
+``a`` multiplies p and is searched. Source: own, after the copositive designs of positive switched systems.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import cvxpy as cp
+import numpy as np
+
+from .problem import Candidate, Problem, tidy
+
+#: Contraction rates tried.
+RATES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97)
+
+
+class WidthProblem:
+    """The LP with the contraction rate as a parameter.
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+
+    def __init__(self, problem: Problem):
+        modes, n, m = problem.sizes
+        self.problem = problem
+        self.keep = cp.Parameter(nonneg=True)  # 1 - a
+        self.p, self.t = cp.Variable(n), cp.Variable()
+        self.W = [cp.Variable((n, m)) for _ in range(modes)]
+        self.X = [cp.Variable((n, m)) if problem.tnl else None for _ in range(modes)]
+        floor = np.abs(problem.C).sum(axis=1).max(axis=0)
+        # A state that no output sees still needs a positive weight: a thousandth of the largest.
+        constraints = [self.p >= np.maximum(floor, 1e-3 * floor.max())]
+        for q in range(modes):
+            constraints += self._mode(q)
+        self.cvx = cp.Problem(cp.Minimize(self.t), constraints)
+
+    def _mode(self, q: int) -> list:
+        s, W, X, D = self.problem, self.W[q], self.X[q], cp.diag(self.p)
+        A, C, Bw, Dv = s.A[q], s.C[q], s.Bw[q], s.Dv[q]
+        M, drive = D @ A - W @ C, D @ Bw
+        noise = cp.sum(cp.abs(W @ Dv) @ s.v_half) if s.v_half.size else 0
+        if X is not None:
+            M, drive = M - X @ (C @ A), drive - X @ (C @ Bw)
+            # v+ belongs to the next mode: the worst Dv of all.
+            later = max(range(len(s.names)), key=lambda r: np.abs(s.Dv[r]).sum())
+            noise = noise + (cp.sum(cp.abs(X @ s.Dv[later]) @ s.v_half) if s.v_half.size else 0)
+        width = noise + (cp.sum(cp.abs(drive) @ s.w_half[q]) if s.w_half.shape[1] else 0)
+        return [M >= 0, cp.sum(M, axis=0) <= self.keep * self.p, width <= self.t]
+
+    def solve(self, a: float) -> dict | None:
+        """Minimise t at a contraction rate; None where there is no solution.
+
+        Returns
+        -------
+        dict or None
+            "L", "N" (N, n_x, n_y), "p" (n_x,), "t".
+        """
+        self.keep.value = 1.0 - a
+        try:
+            self.cvx.solve(solver=cp.SCIPY, scipy_options={"method": "highs"})
+        except cp.error.SolverError:
+            return None
+        if self.t.value is None:
+            return None
+        p = self.p.value
+        L = np.array([tidy(W.value / p[:, None]) for W in self.W])
+        N = np.array([tidy(X.value / p[:, None]) for X in self.X]) if self.problem.tnl else np.zeros_like(L)
+        return {"L": L, "N": N, "p": p, "t": float(self.t.value)}
+
+
+def candidates(problem: Problem, options: dict, progress: Callable[[str], None]) -> Iterator[Candidate]:
+    """Designs over the contraction rates; the caller certifies them and keeps the best.
+
+    Parameters
+    ----------
+    problem : Problem
+    options : dict
+        ``contraction`` fixes the rate.
+    progress : callable
+    """
+    lp = WidthProblem(problem)
+    for a in (float(options["contraction"]),) if "contraction" in options else RATES:
+        progress(f"width, contraction {a:g}")
+        solved = lp.solve(a)
+        if solved is not None:
+            # Rounding may eat a little of the contraction: claim slightly less than was asked for.
+            proof = {"kind": "width", "p": solved["p"].tolist(), "a": a * (1 - 1e-4)}
+            yield Candidate(f"width, contraction {a:g}", solved["L"], solved["N"], proof)

@@ -1,0 +1,1 @@
+"""What the C costs and does on its target."""
