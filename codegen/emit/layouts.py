@@ -11,6 +11,7 @@ with 0 are left out and products with 1 need no multiplication where the code is
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -54,8 +55,9 @@ class Columns:
         """Return the table, or none if every coefficient is the same in all modes."""
         if not self.values:
             return ()
-        note = paragraph(", ".join(f"{i} {' = '.join(names)}" for i, names in enumerate(self.names)) + " */",
-                         "/* columns: ", " * ")
+        columns = paragraph(", ".join(f"{i} {' = '.join(names)}" for i, names in enumerate(self.names)),
+                            "/* columns: ", " * ")
+        note = (*columns[:-1], f"{columns[-1]} */")
         rows = tuple(line for mode, row in zip(spec.names.modes, np.stack(self.values, axis=1))
                      for line in _mode_rows(mode, row, spec.names.real))
         return (Table("table", f"[{spec.names.macro}_MODES][{len(self.values)}U]", note, rows),)
@@ -69,15 +71,18 @@ def lay_out(spec: MapSpec, layout: str) -> MapView:
     if layout == "table" or len(everything) == 1:
         return MapView(straights=(straight(spec, everything, spec.name),))
     bodies = [straight(spec, everything[[q]], f"{spec.name}_{q}") for q in everything]
-    # Modes with the same code share it.
-    first = [next(p for p, other in enumerate(bodies) if other.rows == body.rows) for body in bodies]
-    if not any(first):
+    groups: dict[tuple, list[int]] = {}  # modes with the same code share it
+    for q, body in enumerate(bodies):
+        groups.setdefault(body.rows, []).append(q)
+    if len(groups) == 1:
         return MapView(straights=(straight(spec, everything, spec.name),))
-    arguments = ", ".join(parameter.split("*")[-1] for parameter in spec.parameters)
-    cases = [Case(tuple(spec.names.mode_macros[q] for q in everything if first[q] == p),
-                  f"{bodies[p].name}({arguments})") for p in sorted(set(first))]
+    arguments = ", ".join(_pointers(spec))
+    cases = [Case(tuple(spec.names.mode_macros[q] for q in group), f"{bodies[group[0]].name}({arguments})")
+             for group in groups.values()]
+    named = [replace(bodies[group[0]], equation=(" and ".join(f'Mode "{spec.names.modes[q]}"' for q in group) + ".",))
+             for group in groups.values()]
     switch = Switch(spec.name, spec.equation, spec.parameters, spec.selector, tuple(cases[:-1]), cases[-1])
-    return MapView(straights=tuple(bodies[p] for p in sorted(set(first))), switches=(switch,))
+    return MapView(straights=tuple(named), switches=(switch,))
 
 
 def straight(spec: MapSpec, modes: Array, name: str) -> Straight:
@@ -95,9 +100,7 @@ def straight(spec: MapSpec, modes: Array, name: str) -> Straight:
     tables = columns.table(spec)
     prologue = (f"const {spec.names.real_type} *const k = table[{spec.index}];",) if tables else ()
     text = [f"{s.target} {' '.join(s.lines)}" for row in rows for s in row.statements]
-    whole = len(modes) == len(spec.names.modes)
-    heading = spec.equation if whole else (f'The same in mode "{spec.names.modes[modes[0]]}" and in those of equal numbers.',)
-    return Straight(name, heading, spec.parameters, _unused(spec, [*text, *prologue]), tables, prologue,
+    return Straight(name, spec.equation, spec.parameters, _unused(spec, [*text, *prologue]), tables, prologue,
                     tuple(rows), spec.tail, int(operations[0]), int(operations[1]))
 
 
@@ -133,7 +136,12 @@ def _own_terms(spec: MapSpec, columns: Columns, modes: Array, i: int, side: str)
 def _unused(spec: MapSpec, text: Iterable[str]) -> tuple[str, ...]:
     """Return the pointer parameters that the printed code does not touch."""
     code = " ".join([*text, *spec.tail])
-    return tuple(p for p in (parameter.split("*")[-1] for parameter in spec.parameters) if f"{p}->" not in code)
+    return tuple(p for p in _pointers(spec) if f"{p}->" not in code)
+
+
+def _pointers(spec: MapSpec) -> tuple[str, ...]:
+    """Return the names of the parameters, all of which are pointers."""
+    return tuple(parameter.split("*")[-1] for parameter in spec.parameters)
 
 
 def _mode_rows(mode: str, value: Array, real: str) -> list[str]:

@@ -67,8 +67,17 @@ def resources(d: DesignView, design) -> dict:
     return {"generator": f"residua {d.version}", "prefix": d.prefix, "macro": d.macro, "real": d.real,
             "layout": d.layout, "family": d.family, "certificate": design.digest,
             "n_x": len(d.x), "n_u": len(d.u), "n_y": len(d.y), "n_modes": len(d.modes), "n_bits": len(d.bits),
-            "state": [[f.type, f.name, f.size] for f in d.state_fields], "state_bytes": d.state_bytes,
+            **{name: _members(d, fields) for name, fields in
+               (("in", d.in_fields), ("out", d.out_fields), ("state", d.state_fields))},
+            "state_bytes": d.state_bytes,
             "operations_per_step": asdict(d.operations), "supervision": s.to_dict(), "ranges": ranges}
+
+
+def _members(d: DesignView, fields) -> list[list]:
+    """Describe a struct as [name, "real" or "uint32", number of elements]."""
+    sizes = {"NX": d.x, "NU": d.u, "NY": d.y, "BITS": d.bits}
+    counts = {f"[{d.macro}_{name}]": len(channels) for name, channels in sizes.items()} | {"": 1}
+    return [[f.name, "uint32" if f.type == "uint32_t" else "real", counts[f.size]] for f in fields]
 
 
 def generate(design, out: str | Path, real: str | None = None, layout: str | None = None) -> Path:

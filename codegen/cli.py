@@ -1,0 +1,215 @@
+"""The command line: one function per subcommand, no logic."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import click
+from rich.console import Console
+
+from . import __version__, show
+from .errors import ResiduaError, ValidationError
+
+HELP = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+err = Console(stderr=True, highlight=False)
+
+
+class Progress:
+    """One line that is rewritten on a terminal; at most a line every two seconds elsewhere."""
+
+    def __enter__(self):
+        self.status = err.status("starting") if err.is_terminal else None
+        self.last = time.monotonic()
+        if self.status:
+            self.status.start()
+        return self
+
+    def __exit__(self, *exc):
+        if self.status:
+            self.status.stop()
+
+    def __call__(self, text: str) -> None:
+        """Show what is being done."""
+        if self.status:
+            self.status.update(text)
+        elif time.monotonic() - self.last > 2.0:
+            self.last = time.monotonic()
+            err.print(f"... {text}")
+
+
+class Tool(click.Group):
+    """Prints our own errors as one line and exits with their status."""
+
+    def invoke(self, ctx):
+        """Run the subcommand; a traceback only with --debug, or for errors that are ours to mend."""
+        try:
+            return super().invoke(ctx)
+        except ResiduaError as error:
+            if ctx.params.get("debug"):
+                raise
+            click.echo(f"residua: {error}", err=True)
+            ctx.exit(error.exit_code)
+        except KeyboardInterrupt:
+            click.echo("residua: interrupted; nothing was written.", err=True)
+            ctx.exit(130)
+
+
+@click.group(cls=Tool, context_settings=HELP)
+@click.version_option(__version__, prog_name="residua")
+@click.option("--debug", is_flag=True, help="Show the traceback of an error.")
+def main(debug: bool) -> None:
+    """From a plant file to fault-detection firmware with proven bounds."""
+
+
+real_option = click.option("--real", type=click.Choice(["float32", "float64"]), help="Number type of the C.")
+layout_option = click.option("--layout", type=click.Choice(["literal", "table", "loop"]), help="Flash against speed.")
+method_option = click.option("--method", help="Design method (see: residua methods).")
+
+
+@main.command(context_settings=HELP)
+@click.argument("plant")
+@click.option("-o", "out", type=click.Path(path_type=Path), help="Output folder [./<plant>_<method>].")
+@method_option
+@real_option
+@layout_option
+def run(plant, out, method, real, layout):
+    """The whole way: check, synthesise, certify, emit, compile, validate, report."""
+    from .pipeline import run as whole
+
+    with Progress() as progress:
+        result = whole(plant, out, method, real, layout, progress)
+    show.outcomes(result.design, result.outcomes)
+    show.folder(result.folder)
+
+
+@main.command(context_settings=HELP)
+@click.argument("plant")
+def check(plant):
+    """The plant as understood, its properties, and which methods apply."""
+    from .plant.load import load
+
+    show.plant(load(plant))
+
+
+@main.command(context_settings=HELP)
+@click.argument("plant")
+@click.option("-o", "out", type=click.Path(path_type=Path), default=Path("design.json"), show_default=True)
+@method_option
+@real_option
+def design(plant, out, method, real):
+    """Synthesis and certificate only."""
+    from dataclasses import replace
+
+    from .pipeline import design as synthesise
+    from .plant.load import load
+
+    found = load(plant)
+    if real:
+        found = replace(found, target=replace(found.target, real=real))
+    with Progress() as progress:
+        made = synthesise(found, method, progress)
+    made.save(out)
+    show.claims(made)
+    click.echo(f"wrote {out}")
+
+
+@main.command(context_settings=HELP)
+@click.argument("design_json", type=click.Path(path_type=Path))
+@click.option("-o", "out", type=click.Path(path_type=Path), required=True, help="Output folder.")
+@real_option
+@layout_option
+def generate(design_json, out, real, layout):
+    """Print the C of a design; the same bytes every time."""
+    from .design import read_checked
+    from .emit.package import generate as emit
+
+    click.echo(f"wrote {emit(read_checked(design_json), out, real=real, layout=layout)}")
+
+
+@main.command(context_settings=HELP)
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--scenario", "names", multiple=True, help="Only this scenario (may be repeated).")
+@click.option("--seed", default=0, show_default=True, help="Seed of the random signals.")
+def validate(folder, names, seed):
+    """Compile, drive every scenario, compare with the reference, check the promises."""
+    from .analysis.validate import validate as drive
+    from .design import read_checked
+    from .host.build import build
+    from .pipeline import require
+
+    made = read_checked(folder)
+    with Progress() as progress:
+        progress("compiling")
+        outcomes = drive(made, build(folder), list(names), seed, progress)
+    show.outcomes(made, outcomes)
+    if not outcomes:
+        raise ValidationError(f"{folder}: the plant file has no scenario, expected at least one. Add a [[scenario]].")
+    require(outcomes)
+
+
+@main.command(context_settings=HELP)
+@click.argument("design_json", type=click.Path(path_type=Path))
+def certify(design_json):
+    """Re-check the certificate in exact arithmetic, trusting nothing of the solver."""
+    from .design import read_design, recheck
+
+    made = read_design(design_json)
+    show.proved(made, recheck(made))
+
+
+@main.command(context_settings=HELP)
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option("-o", "out", type=click.Path(path_type=Path), help="Where the results go [FOLDER/replay_<log>].")
+def replay(folder, log, out):
+    """Run the compiled observer over a recorded log (CSV, MDF4)."""
+    from .analysis.replay import replay as run_log
+    from .design import read_checked
+    from .host.build import build
+
+    made = read_checked(folder)
+    with Progress() as progress:
+        progress("compiling")
+        result = run_log(made, build(folder), log, out or folder / f"replay_{log.stem}", progress)
+    show.replay(result)
+
+
+@main.command(context_settings=HELP)
+def methods():
+    """The methods."""
+    from .synthesis import METHODS
+
+    show.methods(METHODS)
+
+
+@main.command("list", context_settings=HELP)
+def list_():
+    """The gallery of plants."""
+    from .plant.load import gallery_names, load
+
+    show.gallery([load(name) for name in gallery_names()])
+
+
+@main.command(context_settings=HELP)
+@click.argument("name")
+def init(name):
+    """Write NAME.toml, a commented plant file to start from."""
+    from .errors import PlantError
+    from .plant.load import starter
+
+    path = Path(f"{name}.toml")
+    text = starter(name)
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise PlantError(f"{path}: exists already; nothing was written. Choose another name.") from None
+    except OSError as error:
+        raise PlantError(f"{path}: cannot be written ({error.strerror}). Choose another folder.") from error
+    click.echo(f"wrote {path}; next: residua run {path}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,128 @@
+"""What the command line prints: tables for people."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from .plant.model import Plant
+
+out = Console(highlight=False, soft_wrap=True)
+
+
+def table(title: str, *columns: str) -> Table:
+    """Start a table."""
+    t = Table(title=title, title_justify="left", show_edge=False, pad_edge=False)
+    for name in columns:
+        t.add_column(name, overflow="fold")
+    return t
+
+
+def number(x: float | None) -> str:
+    """Print a figure, or a dash where there is none."""
+    return "-" if x is None or not np.isfinite(x) else f"{x:.4g}"
+
+
+def plant(p: Plant) -> None:
+    """Print a plant as understood, its properties, and which methods apply."""
+    from .plant.properties import properties
+    from .synthesis import METHODS
+
+    out.print(f"{p.name}: {p.title}" + (f"\n{p.source}" if p.source else ""))
+    out.print(f"{p.kind}, sample period {p.sample_period:g} s; {p.n_x} states, {p.n_u} inputs, {p.n_y} outputs, "
+              f"{p.n_w} disturbances, {p.n_v} noises, {p.n_f} faults, {p.n_modes} modes")
+    signals = table("\nsignals", "vector", "name", "unit", "from", "to")
+    for vector in ("x", "u", "y", "w", "v", "f", "theta"):
+        for s in getattr(p, vector):
+            signals.add_row(vector, s.name, s.unit, number(s.lo), number(s.hi))
+    out.print(signals)
+    modes = table("\nmodes", "mode", "spectral radius" if p.kind == "discrete" else "spectral abscissa", "stable",
+                  "observable", "detectable", "cooperative")
+    for m in properties(p):
+        modes.add_row(m.name, number(m.radius), *("yes" if x else "no" for x in
+                                                  (m.stable, m.observable, m.detectable, m.cooperative)))
+    out.print(modes)
+    s = p.switching
+    out.print("\nswitching: " + ("known at run time" if s.known else "unknown") + (
+        f", average dwell time {s.average_dwell:g} s, chatter bound {s.chatter:g}" if s.average_dwell else ", arbitrary"))
+    rows = table("\nmethods", "method", "applies")
+    for name, entry in METHODS.items():
+        rows.add_row(name, _applies(p, name, entry))
+    out.print(rows)
+
+
+def _applies(p: Plant, name: str, entry) -> str:
+    from .synthesis.problem import Problem
+    from .synthesis.structure import obstruction
+
+    return entry.module.inapplicable(p) or obstruction(Problem.of(p, entry.family == "tnl")) or "yes"
+
+
+def claims(design) -> None:
+    """Print what was chosen and what is proved for the target's number type."""
+    real = design.plant.target.real
+    chosen = next(c for c in design.choice if c["chosen"])
+    out.print(f"{design.plant.name}: {design.method}, {chosen['design']} (best of {len(design.choice)})")
+    proved(design, {real: design.claims(real)})
+    for fault in design.detection[real]:
+        size = fault["by_delay"][-1]
+        words = "no size is surely detected" if size is None else f"{number(size)} {fault['unit']} is surely detected"
+        out.print(f"  fault {fault['channel']}: {words} within {len(fault['by_delay']) - 1} samples")
+
+
+def proved(design, sentences: dict[str, list[str]]) -> None:
+    """Print the proved claims per number type."""
+    for real, lines in sentences.items():
+        out.print(f"proved for {real}:")
+        for line in lines:
+            out.print(f"  {line}")
+
+
+def outcomes(design, results) -> None:
+    """Print the validation table."""
+    claims(design)
+    rows = table("\nvalidation", "scenario", "samples", "C == reference", "states lost", "false alarms", "assured",
+                 "faults found")
+    for o in results:
+        found = [e for e in o.episodes if e.delay is not None]
+        slowest = max((e.delay for e in found), default=None)
+        words = f"{len(found)} of {len(o.episodes)}" if o.episodes else "-"
+        words += f", at most {slowest} samples late" if slowest is not None else ""
+        rows.add_row(o.scenario.name, str(len(o.trace.alarm)), "no" if o.differences else "yes", str(o.lost),
+                     str(o.false_alarms), f"{100 * np.mean(o.trace.assured):.1f} %", words)
+    out.print(rows)
+
+
+def folder(path: Path) -> None:
+    """Print where the results lie."""
+    out.print(f"\nfirmware: {path}")
+    for name in sorted(p.name for p in path.iterdir()):
+        out.print(f"  {name}")
+    out.print(f"report:   {path / 'report.html'}")
+
+
+def replay(result) -> None:
+    """Print the summary of a replay."""
+    rows = table("replay", "", "")
+    for name, value in result.rows():
+        rows.add_row(name, value)
+    out.print(rows)
+
+
+def methods(entries) -> None:
+    """Print METHODS."""
+    rows = table("methods", "method", "what", "plants", "source")
+    for name, m in entries.items():
+        rows.add_row(name, m.summary, ", ".join(m.kinds), m.reference)
+    out.print(rows)
+
+
+def gallery(plants: list[Plant]) -> None:
+    """Print the gallery."""
+    rows = table("gallery", "plant", "what", "modes", "states", "source")
+    for p in plants:
+        rows.add_row(p.name, p.title, str(p.n_modes), str(p.n_x), p.source)
+    out.print(rows)

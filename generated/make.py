@@ -1,0 +1,39 @@
+"""Rewrite this folder: design the gallery (or, with --print, only print the C of the committed designs)."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+from codegen.design import read_checked
+from codegen.emit.package import generate
+from codegen.pipeline import design
+from codegen.plant.load import load
+
+HERE = Path(__file__).parent
+#: What is kept of an output folder; the rest is derived from it.
+KEEP = ("design.json", ".h", ".c", "resources.json")
+DESIGNS = (("cart", "tnl-interval"), ("emps", "tnl-interval"), ("press", "tnl-interval"), ("relay", "tnl-interval"),
+           ("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"))
+
+
+def main() -> None:
+    """Write every folder."""
+    for plant, method in DESIGNS:
+        folder = HERE / f"{plant}_{method}"
+        if "--print" in sys.argv:
+            made = read_checked(folder)
+        else:
+            print(f"{plant}, {method} ...", flush=True)
+            made = design(load(plant), method)
+        with tempfile.TemporaryDirectory() as scratch:
+            whole = generate(made, Path(scratch) / "out")
+            folder.mkdir(exist_ok=True)
+            for path in whole.iterdir():
+                if path.name.endswith(KEEP) and not path.name.startswith("test_"):
+                    (folder / path.name).write_bytes(path.read_bytes())
+
+
+if __name__ == "__main__":
+    main()
