@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import time
 from pathlib import Path
@@ -61,6 +62,8 @@ class Tool(click.Group):
 @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
 def main(debug: bool) -> None:
     """From a plant file to fault-detection firmware with proven bounds."""
+    # A polite kill cleans up as Ctrl-C does, so that no half-made folder stays behind.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 real_option = click.option("--real", type=click.Choice(["float32", "float64"]), help="Number type of the C.")

@@ -10,12 +10,9 @@ from pathlib import Path
 
 from .analysis.validate import Outcome, validate
 from .design import Design
-from .emit.package import generate, install
 from .errors import ResiduaError, ValidationError
-from .host.build import build
 from .plant.load import load
 from .plant.model import Plant
-from .report.page import write_report
 from .select import choose
 
 Progress = Callable[[str], None]
@@ -84,6 +81,11 @@ def run(plant, out=None, method: str | None = None, real: str | None = None, lay
     ResiduaError
         Any step; then nothing is left at ``out`` that was not there before.
     """
+    # Here and not above: design() alone needs neither templates nor matplotlib.
+    from .emit.package import generate, publish
+    from .host.build import build
+    from .report.page import write_report
+
     plant = plant if isinstance(plant, Plant) else load(plant)
     progress(f"plant {plant.name}: {plant.n_x} states, {plant.n_modes} modes")
     target = replace(plant.target, real=real or plant.target.real, layout=layout or plant.target.layout)
@@ -100,7 +102,7 @@ def run(plant, out=None, method: str | None = None, real: str | None = None, lay
         progress("writing the report")
         write_report(folder, made, driver, outcomes)
         require(outcomes)
-        install(folder, final)
+        publish(folder, final)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
     return Result(final, made, outcomes)
@@ -115,12 +117,13 @@ def require(outcomes: list[Outcome]) -> None:
     """
     for o in outcomes:
         if o.differences:
-            raise ValidationError(f'scenario "{o.scenario.name}": C and reference differ in {", ".join(o.differences)}, '
-                                  "expected ==. Check the compiler for -ffast-math or contraction.")
+            raise ValidationError(f'scenario "{o.scenario.name}": C and reference differ in '
+                                  f'{", ".join(o.differences)}, expected ==. '
+                                  "Check the compiler for -ffast-math or contraction.")
         if o.lost or o.false_alarms:
             raise ValidationError(f'scenario "{o.scenario.name}": {o.lost} samples outside the bounds and '
-                                  f"{o.false_alarms} false alarms (found), expected none. Does the scenario keep to the "
-                                  "declared bounds, and do they hold on the real plant?")
+                                  f"{o.false_alarms} false alarms (found), expected none. Does the scenario keep to "
+                                  "the declared bounds, and do they hold on the real plant?")
 
 
 __all__ = ["Design", "ResiduaError", "Result", "design", "require", "run"]

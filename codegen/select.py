@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .algebra.dwell import ratio, shortest
 from .analysis.detectability import SureFault, limited, surely_detected
 from .analysis.quick import QuickJudge
 from .certify.claims import check, prove
@@ -16,6 +17,7 @@ from .errors import CertificateError, DesignError
 from .observers import FAMILIES, FramerTables, Supervision
 from .plant.model import Plant
 from .synthesis import METHODS, check_options
+from .synthesis.linf import pairwise
 from .synthesis.problem import Candidate, Problem
 
 Array = np.ndarray
@@ -24,24 +26,23 @@ WITHIN = 3  # samples after the onset, where the plant file does not say
 
 @dataclass(frozen=True)
 class Trial:
-    """A certified candidate and its figures of merit."""
+    """A certified candidate and its figures of merit; ``gains`` are those of both framers."""
 
     method: str
     candidate: Candidate
+    gains: dict
     tables: FramerTables
     cert: dict
     faults: list[SureFault]
 
-    def figure(self, criterion: str | None, plant: Plant, scale: Array) -> tuple:
-        """Sort key, smaller is better: by threshold, level or width; undecided by the next of these."""
-        fault = max((f.best / s for f, s in zip(self.faults, scale)), default=np.inf)
-        width = self.width(plant)
-        level = self.cert.get("level", np.inf) if self.cert["kind"] == "linf" else np.inf
-        # Thresholds within five per cent count as equal; then a proof for any switching, then the narrower interval.
-        fault = np.floor(np.log(fault) / np.log(1.05)) if 0 < fault < np.inf else fault
-        slow = limited(self.cert) is not None if self.cert["kind"] == "linf" else False
-        order = {"linf": (level, slow, fault, width), "width": (width, fault)}
-        return order.get(criterion, (fault, slow, width, level))
+    def threshold(self, scale: Array) -> float:
+        """Largest surely detected fault over the channels, in channel sizes."""
+        return max((f.best / s for f, s in zip(self.faults, scale)), default=np.inf)
+
+    @property
+    def needs_dwell(self) -> bool:
+        """The proof holds for slow switching only."""
+        return self.cert["kind"] == "linf" and limited(self.cert) is not None
 
     def width(self, plant: Plant) -> float:
         """Ultimate guaranteed width, summed over the states in units of their ranges."""
@@ -125,8 +126,29 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     if not trials:
         raise DesignError(reasons[0] if reasons else f"{plant.name}: no design was found.")
     scale = Problem.of(plant, False).f_scale
-    trials.sort(key=lambda t: t.figure(options.get("criterion"), plant, scale))
-    return finish(plant, trials, options)
+    return finish(plant, ranked(trials, options.get("criterion"), plant, scale), options)
+
+
+def ranked(trials: list[Trial], criterion: str | None, plant: Plant, scale: Array) -> list[Trial]:
+    """Sort candidates, the best first.
+
+    By level ("linf"), width ("width"), else by the surely detected fault. Thresholds within ten per cent of
+    the best count as equal: among them a proof for any switching goes before one that needs a dwell time, and
+    then the narrower interval.
+    """
+    faults = [t.threshold(scale) for t in trials]
+    enough = 1.1 * min(faults)
+
+    def key(item):
+        t, fault = item
+        width, level = t.width(plant), t.cert["level"] if t.cert["kind"] == "linf" else np.inf
+        if criterion == "linf":
+            return level, t.needs_dwell, fault
+        if criterion == "width":
+            return width, t.needs_dwell, fault
+        return (0.0, t.needs_dwell, width) if fault <= enough else (fault, t.needs_dwell, width)
+
+    return [t for t, _ in sorted(zip(trials, faults), key=key)]
 
 
 def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], None]) -> list[Trial]:
@@ -151,11 +173,12 @@ def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], No
                                              progress=lambda text: progress(f"{name}: {text}")):
         count += 1
         try:
-            tables, cert = certified(plant, both_sides(c), c.proof, real)
+            gains = both_sides(c)
+            tables, cert = certified(plant, gains, c.proof, real)
         except CertificateError as error:
             failure = error
             continue
-        trials.append(Trial(name, c, tables, cert, surely_detected(plant, tables, cert, within)))
+        trials.append(Trial(name, c, gains, tables, cert, surely_detected(plant, tables, cert, within)))
     if trials:
         return trials
     if failure is not None:
@@ -190,17 +213,13 @@ def fixed_gains(plant: Plant, name: str, options: dict, within: int) -> Trial:
         proof = given_proof(plant, given, options)
     tables, cert = certified(plant, gains, proof, plant.target.real)
     c = Candidate("gains of the plant file", gains["L_hi"], gains["N_hi"], proof)
-    trial = Trial(name, c, tables, cert, surely_detected(plant, tables, cert, within))
-    object.__setattr__(trial, "gains", gains)
-    return trial
+    return Trial(name, c, gains, tables, cert, surely_detected(plant, tables, cert, within))
 
 
 def given_proof(plant: Plant, given: dict, options: dict) -> dict:
     """Proof data from Lyapunov matrices of the plant file, normalised to P >= I."""
-    from .algebra.dwell import ratio, shortest
-    from .synthesis.linf import pairwise
-
-    P = {s: array(plant, "P_" + s, given.get("P_" + s, given.get("P")), (plant.n_modes, plant.n_x)) for s in ("hi", "lo")}
+    shape = (plant.n_modes, plant.n_x)
+    P = {s: array(plant, "P_" + s, given.get("P_" + s, given.get("P")), shape) for s in ("hi", "lo")}
     P = {s: p / min(1.0, p.min()) for s, p in P.items()}
     rho = max(pairwise(p) for p in P.values())
     rho = float(np.nextafter(rho, np.inf)) if rho > 1 else 1.0
@@ -233,12 +252,11 @@ def supervision(plant: Plant, cert: dict) -> Supervision:
 def finish(plant: Plant, trials: list[Trial], options: dict) -> Design:
     """Freeze the winner on both number types and collect everything for design.json."""
     best = trials[0]
-    gains = getattr(best, "gains", None) or both_sides(best.candidate)
     tables, certs, proved, faults = {}, {}, {}, {}
     for real in ("float32", "float64"):
         try:
             t, cert = (best.tables, best.cert) if real == plant.target.real else certified(
-                plant, gains, best.candidate.proof, real)
+                plant, best.gains, best.candidate.proof, real)
         except CertificateError:
             continue  # the other number type may be too coarse; generate says so when asked for it
         tables[real], certs[real] = t, cert

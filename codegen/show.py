@@ -47,7 +47,8 @@ def plant(p: Plant) -> None:
     out.print(modes)
     s = p.switching
     out.print("\nswitching: " + ("known at run time" if s.known else "unknown") + (
-        f", average dwell time {s.average_dwell:g} s, chatter bound {s.chatter:g}" if s.average_dwell else ", arbitrary"))
+        f", average dwell time {s.average_dwell:g} s, chatter bound {s.chatter:g}" if s.average_dwell
+        else ", arbitrary"))
     rows = table("\nmethods", "method", "applies")
     for name, entry in METHODS.items():
         rows.add_row(name, _applies(p, name, entry))

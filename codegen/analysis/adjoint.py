@@ -146,7 +146,7 @@ def fault_response(m: ResidualModel, modes: Array, channel: int, onset: int) -> 
                 for s in ("hi", "lo")}
         hi = act(m.M["hi"][q], hi) + push["hi"]
         lo = act(m.M["lo"][q], lo) - push["lo"]
-    C, Df = m.C[modes[:, -1]], m.Df[modes[:, -1]][:, :, channel] * float(K - 1 >= onset)
+    C, Df = m.C[modes[:, -1]], m.Df[modes[:, -1]][:, :, channel] * float(onset < K)
     return act(pos(C), hi) + act(neg(C), lo) - Df, -act(pos(C), lo) - act(neg(C), hi) - Df
 
 

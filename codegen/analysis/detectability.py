@@ -103,7 +103,7 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
 
 def limited(cert: dict) -> tuple[float, float] | None:
     """The (tau, N0) of a certificate whose claim rests on it; None for arbitrary switching."""
-    if cert["dwell_add"] <= cert["dwell_drain"]:
+    if cert["dwell_add"] <= cert["dwell_drain"] or cert["rho"] <= 1:
         return None
     return cert["dwell_add"] / cert["dwell_drain"], cert["chatter"]
 

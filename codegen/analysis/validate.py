@@ -105,7 +105,8 @@ def judge(plant: Plant, scenario: Scenario, truth: PlantTrace, trace: Trace, dif
                    episodes(truth.f, raw, tuple(s.name for s in plant.f), 3))
 
 
-def validate(design, driver, names: list[str] | None = None, seed: int = 0, progress=lambda text: None) -> list[Outcome]:
+def validate(design, driver, names: list[str] | None = None, seed: int = 0,
+             progress=lambda text: None) -> list[Outcome]:
     """Run scenarios on the compiled C and on the reference.
 
     Parameters

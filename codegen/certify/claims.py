@@ -33,7 +33,8 @@ def prove(modes, t, proof: dict) -> dict:
         The plant's modes (``name A B C D Bw Dv ...``).
     t : FramerTables
     proof : dict
-        ``kind`` "linf" (lam, rho, P_hi, P_lo, dwell_add, dwell_drain, chatter), "width" (p, a), "box", or "none" (fixed gains: containment only).
+        ``kind`` "linf" (lam, rho, P_hi, P_lo, dwell_add, dwell_drain, chatter), "width" (p, a), "box",
+        or "none" (fixed gains: containment only).
 
     Returns
     -------
@@ -96,7 +97,8 @@ def check(modes, t, cert: dict) -> list[str]:
     elif cert["kind"] == "width":
         level = check_width(model, cert, names)["width_bound"]
         if Q(cert["level"]) < level:
-            raise CertificateError(f"certificate: width {cert['level']:.9g} claimed, only {float(level):.9g} is proved.")
+            raise CertificateError(f"certificate: width {cert['level']:.9g} claimed, only {float(level):.9g} is "
+                                   "proved.")
         claims.append(f"Width: p'(x_hi - x_lo) stays ultimately below {cert['level']:.6g}, shrinking by "
                       f"{cert['a']:.6g} per sample, for arbitrary switching")
     elif cert["kind"] == "box" and not cert.get("steady_box"):

@@ -44,12 +44,12 @@ class Demand:
 
     def shortfall(self, offset: fmpq, real: str) -> fmpq:
         """How much the (outward) offset lacks; <= 0 means it suffices."""
-        error, _ = sum_error([*self.before, (offset, fmpq(1)), *self.after], real)
+        error, _ = sum_error([*self.before, (fmpq(1), offset), *self.after], real)
         return self.need + error - offset
 
     def magnitude(self, offset: fmpq, real: str) -> fmpq:
         """Bound on the magnitude of the computed sum."""
-        return sum_error([*self.before, (offset, fmpq(1)), *self.after], real)[1]
+        return sum_error([*self.before, (fmpq(1), offset), *self.after], real)[1]
 
 
 def sup(A: Array, lo: Array, hi: Array) -> Array:
@@ -84,6 +84,8 @@ class Containment:
         self.u_max, self.y_max = bounds(t.u_lo, t.u_hi), bounds(t.y_lo, t.y_hi)
         self.u_err = np.array([input_error(b, t.real) for b in self.u_max], dtype=object)
         self.y_err = np.array([input_error(b, t.real) for b in self.y_max], dtype=object)
+        # The physical u may lie half a unit beyond the table's rounded limit.
+        self.u_true = self.u_max + self.u_err
 
     def leftover(self, q: int, side: str) -> tuple[Array, Array, Array]:
         """Return T, T A - L C - M and T B - L D - G of mode q on the emitted constants, exact."""
@@ -106,7 +108,7 @@ class Containment:
         out = []
         for i in range(len(self.box)):
             need = disturbance[i] + noise[i] + max(row[i] for row in later)
-            need += dot(EM[i], self.box) + dot(EG[i], self.u_max) + dot(G[i], self.u_err)
+            need += dot(EM[i], self.box) + dot(EG[i], self.u_true) + dot(G[i], self.u_err)
             need += dot(L[i], self.y_err) + dot(N[i], self.y_err)
             before = [*zip(G[i], self.u_max), *zip(L[i], self.y_max), *zip(N[i], self.y_max)]
             out.append(Demand(need, before, list(zip(M[i], self.box))))
@@ -119,7 +121,7 @@ class Containment:
         disturbance = sup(sign * p["Bw"], p["w_lo"], p["w_hi"])
         out = []
         for i in range(len(self.box)):
-            need = disturbance[i] + dot(p["A"][i] - A[i], self.box) + dot(p["B"][i] - B[i], self.u_max)
+            need = disturbance[i] + dot(p["A"][i] - A[i], self.box) + dot(p["B"][i] - B[i], self.u_true)
             need += dot(B[i], self.u_err)
             out.append(Demand(need, list(zip(B[i], self.u_max)), list(zip(A[i], self.box))))
         return out
@@ -131,7 +133,7 @@ class Containment:
         noise = sup(sign * p["Dv"], p["v_lo"], p["v_hi"])
         out = []
         for j in range(C.shape[0]):
-            need = noise[j] + dot(p["C"][j] - C[j], self.box) + dot(p["D"][j] - D[j], self.u_max)
+            need = noise[j] + dot(p["C"][j] - C[j], self.box) + dot(p["D"][j] - D[j], self.u_true)
             need += dot(D[j], self.u_err) + self.y_err[j]
             out.append(Demand(need, list(zip(D[j], self.u_max)), list(zip(C[j], self.box))))
         return out

@@ -12,6 +12,7 @@ rationals whose integer powers are compared.
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 
 from flint import fmpq
@@ -42,6 +43,6 @@ def factor(rho: fmpq, lam: fmpq, add: int, drain: int, chatter: float) -> fmpq |
     s = (1 - lam) * root_above(rho, drain, add)
     if s >= 1:
         return None
-    n0 = Fraction(chatter).limit_denominator(64)
+    n0 = Fraction(math.ceil(Fraction(chatter) * 64), 64)  # never below the chatter bound that is claimed
     exponent = n0 + Fraction(drain, add)
     return root_above(rho, exponent.numerator, exponent.denominator) / (1 - s)

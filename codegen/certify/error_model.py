@@ -67,17 +67,23 @@ class ErrorModel:
         slack, push = [], []
         for i, x in enumerate(offset):
             margin = x - along[i] - fall[i] - max(r[i] for r in falls)
-            slack.append(x + against[i] + margin)
+            # Least favourable magnitude: a noise that never vanishes can make the slack negative.
+            slack.append(max(x + against[i] + margin, abs(fall[i] + max(r[i] for r in falls))))
             push.append(x + against[i] + rise[i] + max(r[i] for r in rises) + margin)
         return slack, np.array(push, dtype=object)
 
     def box_violation(self, z: Array, side: str):
-        """First (mode, state, excess) at which M_q z + push_q <= z fails, or None."""
+        """First (mode, state, excess) at which M_q z + push_q <= z or M_q z < z fails, or None.
+
+        The first keeps the errors in the box, the second (implied by the first where push > 0) brings them
+        there: without it a state that nothing drives and nothing damps would have the box 0.
+        """
         for q, (M, push) in enumerate(zip(self.M[side], self.push[side])):
-            excess = M @ z + push - z
-            worst = int(np.argmax([float(e) for e in excess]))
-            if excess[worst] > 0:
-                return q, worst, excess[worst]
+            stay = M @ z
+            excess = stay + push - z
+            for i in np.argsort([-float(e) for e in excess]):
+                if excess[i] > 0 or stay[i] >= z[i]:
+                    return q, int(i), excess[i]
         return None
 
     def steady_box(self, side: str, rounds: int = 20000) -> Array | None:

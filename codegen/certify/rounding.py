@@ -26,7 +26,7 @@ def sum_error(terms: list[tuple[fmpq, fmpq]], real: str) -> tuple[fmpq, fmpq]:
     Parameters
     ----------
     terms : list of (coefficient, bound on the magnitude of the value)
-        In the order of the C; an offset is a term with value bound 1 and "coefficient" the offset.
+        In the order of the C; an offset is a term with coefficient 1 and the offset as its value.
     real : {"float32", "float64"}
 
     Returns
@@ -39,11 +39,11 @@ def sum_error(terms: list[tuple[fmpq, fmpq]], real: str) -> tuple[fmpq, fmpq]:
     u, tiny = UNIT[real], TINY[real]
     total, error, first = fmpq(0), fmpq(0), True
     for coefficient, bound in terms:
-        size = abs(coefficient) * bound
+        size = abs(coefficient) * abs(bound)
         if size == 0:
             continue
-        # A product with 1 (also an offset, value bound 1) is exact.
-        slip = fmpq(0) if abs(coefficient) == 1 or bound == 1 else u * size + tiny
+        # A product with the coefficient 1 is exact. One with a value *bounded* by 1 is not.
+        slip = fmpq(0) if abs(coefficient) == 1 else u * size + tiny
         total += size + slip
         error += slip
         if not first:

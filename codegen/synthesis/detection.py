@@ -20,7 +20,7 @@ from itertools import product
 import numpy as np
 from scipy.optimize import linprog, minimize
 
-from .problem import Candidate, Problem, tidy
+from .problem import Candidate, Judge, Problem, tidy
 
 Array = np.ndarray
 
@@ -166,7 +166,7 @@ def gain_caps(problem: Problem, q: int, cap: float) -> Array:
 
 
 def search(problem: Problem, start: Array, seen: tuple[int, ...], cap: float, evaluations: int,
-           judge: Callable[[Array, Array], tuple[float, float, float]]):
+           judge: Judge):
     """Nelder-Mead over log z from a valid box; each z gives gains by LP, and ``judge`` their threshold.
 
     Parameters
@@ -174,7 +174,7 @@ def search(problem: Problem, start: Array, seen: tuple[int, ...], cap: float, ev
     seen : tuple of int
         For each channel the output at which the LP aims.
     judge : callable
-        (L, N) -> (worst threshold, typical threshold, relative width).
+        Thresholds and width of given gains.
 
     Returns
     -------
@@ -221,7 +221,7 @@ def aims(problem: Problem, most: int = 3) -> list[tuple[int, ...]]:
     return sorted(picks, key=lambda pick: -min(strength[o, j] for j, o in enumerate(pick)))[:most]
 
 
-def candidates(problem: Problem, options: dict, starts: list[Array], judge: Callable[[Array, Array], tuple[float, float, float]],
+def candidates(problem: Problem, options: dict, starts: list[Array], judge: Judge,
                progress: Callable[[str], None]) -> Iterator[Candidate]:
     """Designs from several starting boxes, aims and gain caps; the caller certifies them and keeps the best.
 
@@ -233,7 +233,7 @@ def candidates(problem: Problem, options: dict, starts: list[Array], judge: Call
     starts : list of ndarray (n_x,)
         Ultimate error boxes of other designs.
     judge : callable
-        (L, N) -> (worst threshold, typical threshold, relative width).
+        Thresholds and width of given gains.
     progress : callable
     """
     if problem.Df.shape[2] == 0:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import DesignError
 from . import detection, linf, width
-from .problem import Candidate, Problem
+from .problem import Candidate, Judge, Problem
 from .structure import obstruction
 
 Array = np.ndarray
@@ -68,7 +68,7 @@ def inapplicable(plant, tnl: bool) -> str | None:
     return None
 
 
-def candidates(plant, tnl: bool, options: dict, judge: Callable[[Array, Array], tuple[float, float, float]] | None,
+def candidates(plant, tnl: bool, options: dict, judge: Judge | None,
                settled: Callable[[Candidate], Array | None], progress: Callable[[str], None]) -> Iterator[Candidate]:
     """All designs that the options ask for.
 
@@ -79,7 +79,7 @@ def candidates(plant, tnl: bool, options: dict, judge: Callable[[Array, Array], 
     options : dict
         See ``OPTIONS``; without ``criterion`` every criterion is tried.
     judge : callable or None
-        (L, N) -> (worst threshold, typical threshold, relative width), for the detection design; None where the plant has no fault channel.
+        Thresholds and width of given gains, for the detection design; None where the plant has no fault channel.
     settled : callable
         Candidate -> ultimate error box (start of the detection search) or None.
     progress : callable

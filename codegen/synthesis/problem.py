@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 from ..algebra.interval import half
 
 Array = np.ndarray
+#: (L, N) -> worst threshold, typical threshold (both in channel sizes), relative width.
+Judge = Callable[[Array, Array], tuple[float, float, float]]
 
 
 @dataclass(frozen=True)

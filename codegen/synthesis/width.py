@@ -12,6 +12,7 @@ With half widths wbar, vbar the width obeys ``p' (x_hi - x_lo) <= 2 t / a`` ulti
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator
 
 import cvxpy as cp
@@ -68,7 +69,9 @@ class WidthProblem:
         """
         self.keep.value = 1.0 - a
         try:
-            self.cvx.solve(solver=cp.SCIPY, scipy_options={"method": "highs"})
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # cvxpy's own bound propagation multiplies 0 by infinity
+                self.cvx.solve(solver=cp.SCIPY, scipy_options={"method": "highs"})
         except cp.error.SolverError:
             return None
         if self.t.value is None:
