@@ -10,7 +10,7 @@ from pathlib import Path
 
 from .analysis.validate import Outcome, validate
 from .design import Design
-from .errors import ResiduaError, ValidationError
+from .errors import EmitError, ResiduaError, ValidationError
 from .plant.load import load
 from .plant.model import Plant
 from .select import choose
@@ -82,17 +82,20 @@ def run(plant, out=None, method: str | None = None, real: str | None = None, lay
         Any step; then nothing is left at ``out`` that was not there before.
     """
     # Here and not above: design() alone needs neither templates nor matplotlib.
-    from .emit.package import generate, publish
+    from .emit.package import check_place, generate, publish
     from .host.build import build
     from .report.page import write_report
 
     plant = plant if isinstance(plant, Plant) else load(plant)
     progress(f"plant {plant.name}: {plant.n_x} states, {plant.n_modes} modes")
+    if out is not None:  # before minutes of synthesis, not after
+        check_place(Path(out))
+        shutil.rmtree(staging(Path(out)))
     target = replace(plant.target, real=real or plant.target.real, layout=layout or plant.target.layout)
     made = design(replace(plant, target=target), method, progress)
     final = Path(out) if out else Path.cwd() / f"{plant.name}_{made.method}"
-    final.parent.mkdir(parents=True, exist_ok=True)
-    stage = Path(tempfile.mkdtemp(prefix=f".{final.name}.", dir=final.parent))
+    check_place(final)
+    stage = staging(final)
     try:
         progress("printing C")
         folder = generate(made, stage / final.name, real=target.real, layout=target.layout)
@@ -106,6 +109,21 @@ def run(plant, out=None, method: str | None = None, real: str | None = None, lay
     finally:
         shutil.rmtree(stage, ignore_errors=True)
     return Result(final, made, outcomes)
+
+
+def staging(final: Path) -> Path:
+    """Make an empty folder beside the final one, on the same file system.
+
+    Raises
+    ------
+    EmitError
+        The place cannot be written.
+    """
+    try:
+        final.parent.mkdir(parents=True, exist_ok=True)
+        return Path(tempfile.mkdtemp(prefix=f".{final.name}.", dir=final.parent))
+    except OSError as error:
+        raise EmitError(f"{final}: {error.strerror or error}. Choose a folder that can be written.") from error
 
 
 def require(outcomes: list[Outcome]) -> None:

@@ -92,12 +92,13 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
         before += 1
     if plant.n_modes == 1:
         before = 12
-    while plant.n_modes ** (within + before + 1) > 20 * MOST_SEQUENCES and within > 0:
+    while plant.n_modes ** (within + before + 1) > 4 * MOST_SEQUENCES and within > 0:
         within -= 1
     switching = None if cert["kind"] != "linf" else limited(cert)
     paths = sequences(plant.n_modes, before + within + 1, switching)
     result = [along(model, paths, j, before, tails).max(axis=1) for j in range(plant.n_f)]
-    return [SureFault(f.name, f.unit, tuple(float(x) for x in by) + infinite[len(by):])
+    # Delays that were too many to look at: what is found by an earlier one is found by then too.
+    return [SureFault(f.name, f.unit, tuple(float(by[min(d, len(by) - 1)]) for d in range(len(infinite))))
             for f, by in zip(plant.f, result)]
 
 

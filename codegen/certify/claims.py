@@ -113,6 +113,50 @@ def check(modes, t, cert: dict) -> list[str]:
     return claims
 
 
+def check_ranges(limits: dict, t) -> None:
+    """Check that the table starts from, and restarts to, boxes that hold what the plant declares.
+
+    Parameters
+    ----------
+    limits : dict
+        "x", "x0" -> (lo, hi) arrays of the plant.
+    t : FramerTables
+
+    Raises
+    ------
+    CertificateError
+    """
+    for name in ("x", "x0"):
+        lo, hi = limits[name]
+        table_lo, table_hi = getattr(t, name + "_lo"), getattr(t, name + "_hi")
+        for i in range(len(lo)):
+            if Q(table_lo[i]) > Q(lo[i]) or Q(table_hi[i]) < Q(hi[i]):
+                raise CertificateError(
+                    f"certificate: the table's {name} box [{float(table_lo[i]):.9g}, {float(table_hi[i]):.9g}] of "
+                    f"state {i} does not contain the declared [{float(lo[i]):.9g}, {float(hi[i]):.9g}].")
+
+
+def check_monitor(supervision, cert: dict) -> None:
+    """Check that the firmware watches at least the dwell time on which the certificate rests.
+
+    Parameters
+    ----------
+    supervision : Supervision
+    cert : dict
+
+    Raises
+    ------
+    CertificateError
+    """
+    if cert["kind"] != "linf" or cert["rho"] <= 1 or cert["dwell_add"] <= cert["dwell_drain"]:
+        return
+    add, drain, limit = supervision.dwell_add, supervision.dwell_drain, supervision.dwell_limit
+    if add * cert["dwell_drain"] < cert["dwell_add"] * drain or not 0 < limit <= Fraction(cert["chatter"]) * add:
+        raise CertificateError(
+            f"certificate: the dwell monitor (switch +{add}, sample -{drain}, limit {limit}) admits faster switching "
+            f"than the proof: {switching_words(cert)}.")
+
+
 def switching_words(cert: dict) -> str:
     """Say for which switching the level is proved."""
     if Q(cert["rho"]) == 1 or cert["dwell_add"] <= cert["dwell_drain"]:

@@ -5,12 +5,26 @@ from __future__ import annotations
 import numpy as np
 from flint import fmpq, fmpq_mat
 
+from ..errors import CertificateError
+
 Array = np.ndarray
 
 
 def Q(value) -> fmpq:
-    """The exact rational value of a float (or int, or fmpq)."""
-    return value if isinstance(value, fmpq) else fmpq(*float(value).as_integer_ratio())
+    """The exact rational value of a float (or int, or fmpq).
+
+    Raises
+    ------
+    CertificateError
+        Infinite or not a number.
+    """
+    if isinstance(value, fmpq):
+        return value
+    try:
+        return fmpq(*float(value).as_integer_ratio())
+    except (OverflowError, ValueError):
+        raise CertificateError(f"certificate: a constant is {float(value)} (found), expected a finite number. Where "
+                               "it is a range too large for float32, use float64 or another unit.") from None
 
 
 def rational(array: Array) -> Array:
@@ -80,7 +94,8 @@ def down(value: fmpq, real: str = "float64") -> float:
 
 def _directed(value: fmpq, real: str, direction: float) -> float:
     dtype = np.dtype(real).type
-    guess = dtype(float(value))
+    with np.errstate(over="ignore"):  # an overflow becomes infinite, which Q refuses
+        guess = dtype(float(value))
     while (Q(guess) < value) if direction > 0 else (Q(guess) > value):
         guess = np.nextafter(guess, dtype(direction))
     return float(guess)

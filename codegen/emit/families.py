@@ -54,7 +54,7 @@ def specs(family: str, t, names: Names, x, y) -> tuple[MapSpec, MapSpec, MapSpec
     else:
         # A state overwritten by an upset of the memory must not read a table out of bounds.
         index = f"(s->mode < {m}_MODES) ? s->mode : 0U"
-        then = {"selector": "s->mode", "index": f"({index})", "names": names}
+        then = {"selector": "s->mode", "index": index, "names": names}
         own = {"parameters": (f"const {p}_state *s", f"const {p}_in *in", f"{p}_out *out"), **then}
         read, target, u, last_y = "s->x", "out->x", "s->u", "s->y"
         blind_own = own | {"parameters": (f"const {p}_state *s", f"{p}_out *out")}

@@ -1,21 +1,24 @@
 """Golden vectors: a short run of the numpy reference, for the unit test that a user runs on the target.
 
-The run visits every mode, has quiet samples, samples at the ends of the measurement ranges (faults),
-missing measurements and refused ones. It need not be a possible run of the plant: its purpose is to
-notice a compiler, an option or a machine that calculates differently.
+The run visits every mode and has samples within bounds, samples at the ends of the measurement ranges
+(faults), missing measurements, and then a quiet stretch in which the guarantee returns. It need not be a
+possible run of the plant: its purpose is to notice a compiler, an option or a machine that calculates
+differently.
 """
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from random import Random
 
 import numpy as np
 
+from ..observers import Trace
 from .cprint import initialiser, literal
 
 Array = np.ndarray
-STEPS = 32
+FAULTS, MISSING = (4, 5, 13), (9, 30, 31)
 
 
 @dataclass(frozen=True)
@@ -39,26 +42,47 @@ class Vector:
     assured: int
 
 
-def stimulus(t) -> tuple[Array, Array, Array]:
-    """Return u (K, n_u), y (K, n_y) and q (K,); ``random.Random`` gives the same numbers everywhere."""
+def steps_of(n_modes: int) -> int:
+    """Length of the run: each mode twice, switching at each sample, then 28 samples of slow switching."""
+    return 2 * n_modes + 36
+
+
+def stimulus(observer, t) -> tuple[Array, Array, Array]:
+    """Return u (K, n_u), y (K, n_y) and q (K,); ``random.Random`` draws the same numbers everywhere."""
     draw, n_modes = Random(1), t.A.shape[0]
-    n_x, n_u, n_y = t.A.shape[1], t.B.shape[2], t.C.shape[1]
+
     def between(lo, hi):
-        return np.array([a + (b - a) * draw.random() for a, b in zip(lo.astype(float), hi.astype(float))])
-    x = between(t.x0_lo, t.x0_hi)
-    u, y, q = np.zeros((STEPS, n_u)), np.zeros((STEPS, n_y)), np.zeros(STEPS, dtype=np.int64)
-    for k in range(STEPS):
-        # The first 16 samples keep each mode for two samples, then it may change at each.
-        q[k] = (k // 2) % n_modes if k < STEPS // 2 else draw.randrange(n_modes)
-        u[k] = 0.25 * between(t.u_lo, t.u_hi)
-        y[k] = t.C[q[k]] @ x + t.D[q[k]] @ u[k]
-        x = np.clip(t.A[q[k]] @ x + t.B[q[k]] @ u[k], t.x_lo, t.x_hi) if n_x else x
-        if k % 8 == 6:
-            y[k] = np.where([draw.random() < 0.5 for _ in range(n_y)], t.y_lo, t.y_hi)
-    y = np.clip(y, t.y_lo, t.y_hi)
-    u = np.clip(u, t.u_lo, t.u_hi)
-    y[11] = y[20] = y[21] = np.nan
-    return u.astype(t.dtype), y.astype(t.dtype), q
+        drawn = [a + (b - a) * draw.random() for a, b in zip(lo.astype(float), hi.astype(float))]
+        return np.clip(np.array(drawn, dtype=t.dtype), lo, hi)
+
+    steps = steps_of(n_modes)
+    u, y, q = np.zeros((steps, len(t.u_lo)), t.dtype), np.zeros((steps, len(t.y_lo)), t.dtype), np.zeros(steps, int)
+    observer = copy(observer)
+    observer.start(t, 1)
+    for k in range(steps):
+        q[k] = k // 2 if k < 2 * n_modes else draw.randrange(n_modes) if k < steps - 28 or k % 6 == 0 else q[k - 1]
+        u[k] = between(t.u_lo, t.u_hi)
+        y[k] = _within_bounds(observer, t, u[k], q[k], between(t.y_lo, t.y_hi))
+        if k in FAULTS:
+            y[k] = np.where([draw.random() < 0.5 for _ in y[k]], t.y_lo, t.y_hi)
+        _sample(observer, t, u[k], y[k], q[k], k not in MISSING)
+        y[k] = np.nan if k in MISSING else y[k]
+    return u, y, q
+
+
+def _sample(observer, t, u: Array, y: Array, q: int, measured: bool) -> Trace:
+    """Step the reference by one sample."""
+    out = Trace.empty((1,), len(t.box), len(y), t.dtype)
+    observer.sample(t, np.array([True]), np.array([measured]), u[None], y[None], np.array([q]), out)
+    return out
+
+
+def _within_bounds(observer, t, u: Array, q: int, y: Array) -> Array:
+    """Return a measurement a little off the middle of its bounds; a trial with ``y`` on a copy finds them."""
+    trial = copy(observer)
+    trial.guard = copy(observer.guard)  # its arrays are replaced at each sample, never written to
+    out = _sample(trial, t, u, y, q, True)
+    return np.clip(y + (0.45 * out.r_lo[0] + 0.55 * out.r_hi[0]), t.y_lo, t.y_hi).astype(t.dtype)
 
 
 def vectors(design, real: str) -> tuple[Vector, ...]:
@@ -73,7 +97,7 @@ def vectors(design, real: str) -> tuple[Vector, ...]:
     -------
     vectors : tuple of Vector
     """
-    u, y, q = stimulus(design.observer.tables[real])
+    u, y, q = stimulus(design.observer, design.observer.tables[real])
     trace = design.observer.run(u=u, y=y, q=q, real=real)
     measured = ~np.isnan(y).any(axis=1)
     y, r_lo, r_hi = (np.where(measured[:, None], a, 0).astype(y.dtype) for a in (y, trace.r_lo, trace.r_hi))

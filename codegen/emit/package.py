@@ -10,9 +10,10 @@ import tempfile
 from dataclasses import asdict
 from pathlib import Path
 
+from .. import __version__
 from ..errors import EmitError
 from ..target import metrics
-from . import VERSION, golden
+from . import golden
 from .render import render
 from .view import DesignView, build
 
@@ -44,7 +45,7 @@ def files(design, real: str | None = None, layout: str | None = None, measure: b
     ToolError
         gcc is missing or refuses the C.
     """
-    d = build(design, real, layout, VERSION)
+    d = build(design, real, layout, __version__)
     t = design.observer.tables[d.real]
     spare = tuple(f.name for f in d.in_fields if f.name == "spare")
     out = {f"{d.prefix}.h": render("observer.h.jinja", d=d),
@@ -105,18 +106,18 @@ def generate(design, out: str | Path, real: str | None = None, layout: str | Non
         gcc is missing or refuses the C.
     """
     folder = Path(out)
-    if folder.exists() and not (folder / MARK).is_file():
-        raise EmitError(f"{folder}: exists and has no {MARK}, so residua did not make it. Choose another folder.")
+    check_place(folder)
     texts = files(design, real, layout)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".tmp", dir=folder.parent))
         try:
+            made = scratch / folder.name
+            made.mkdir()
             for name, text in texts.items():
-                (scratch / name).write_text(text, encoding="ascii", newline="\n")
-            design.save(scratch / MARK)
-            scratch.chmod(0o755)
-            _publish(scratch, folder)
+                (made / name).write_text(text, encoding="ascii", newline="\n")
+            design.save(made / MARK)
+            publish(made, folder)
         finally:
             shutil.rmtree(scratch, ignore_errors=True)
     except OSError as error:
@@ -124,23 +125,64 @@ def generate(design, out: str | Path, real: str | None = None, layout: str | Non
     return folder
 
 
-def _publish(scratch: Path, folder: Path) -> None:
-    """Put ``scratch`` in the place of ``folder``; afterwards ``scratch`` is what may be deleted."""
+def check_place(folder: Path) -> None:
+    """Refuse a place that holds something else than a folder of residua's.
+
+    Raises
+    ------
+    EmitError
+    """
+    if folder.exists() and not (folder / MARK).is_file():
+        raise EmitError(f"{folder}: exists and has no {MARK}, so residua did not make it. Choose another folder.")
+
+
+def publish(made: str | Path, folder: str | Path) -> Path:
+    """Put a finished folder in its place, in one step.
+
+    Parameters
+    ----------
+    made : str or Path
+        Finished folder on the same file system. Afterwards it is gone, or holds what is to be deleted.
+    folder : str or Path
+        An older folder of residua's there is replaced; files in it that residua did not make are kept.
+
+    Returns
+    -------
+    folder : Path
+
+    Raises
+    ------
+    EmitError
+        Something else is in that place.
+    """
+    made, folder = Path(made), Path(folder)
+    check_place(folder)
     if not folder.exists():
-        scratch.rename(folder)
-        return
-    if not _exchange(scratch, folder):  # a moment without folder, on systems that cannot exchange
-        aside = scratch.with_suffix(".old")
+        made.rename(folder)
+        return folder
+    if not _exchange(made, folder):  # a moment without folder, on systems that cannot exchange
+        aside = made.with_suffix(".old")
         folder.rename(aside)
         try:
-            scratch.rename(folder)
+            made.rename(folder)
         except OSError:
             aside.rename(folder)
             raise
-        aside.rename(scratch)
-    ours = {p.name for p in folder.iterdir()} | {"report.html"}  # a report belongs to the old design
-    for foreign in [p for p in scratch.iterdir() if p.name not in ours]:
+        aside.rename(made)
+    # Of the same name as a new file, or a report: belongs to the old design.
+    replaced = {p.name for p in folder.iterdir()} | {"report.html"} | _own_files(made)
+    for foreign in [p for p in made.iterdir() if p.name not in replaced]:
         foreign.rename(folder / foreign.name)
+    return folder
+
+
+def _own_files(made: Path) -> set[str]:
+    """Return the names that an older design's C has; its prefix may have been another."""
+    try:
+        prefix = json.loads((made / "resources.json").read_text(encoding="ascii"))["prefix"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return set()
+    return {f"{prefix}.c", f"{prefix}.h", f"test_{prefix}.c"}
 
 
 def _exchange(a: Path, b: Path) -> bool:

@@ -91,7 +91,8 @@ def declarations(record: dict) -> str:
               (real, "x_lo x_hi r_lo r_hi"), ("unsigned char", "any_alarm"), ("uint32_t", "alarm latched raw"),
               ("unsigned char", "assured"), ("int64_t", "status"))
     arguments = ", ".join(f"{kind} *{name}" for kind, names in arrays for name in names.split())
-    return (f"{structs}void {p}_init({p}_state *s);\nvoid {p}_reset({p}_state *s);\nint {p}_step{step}int {p}_predict{step}"
+    return (f"{structs}void {p}_init({p}_state *s);\nvoid {p}_reset({p}_state *s);\n"
+            f"int {p}_step{step}int {p}_predict{step}"
             f"void residua_run(size_t runs, size_t steps, {arguments});\n")
 
 

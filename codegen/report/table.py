@@ -51,10 +51,11 @@ class Plot:
 
 @dataclass(frozen=True)
 class Fact:
-    """A term and what is to be said of it."""
+    """A term and what is to be said of it; ``kind`` is a CSS class ("" or "mono")."""
 
     term: str
     text: str
+    kind: str = ""
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from decimal import ROUND_CEILING, ROUND_FLOOR, ROUND_HALF_EVEN, Decimal
+from decimal import ROUND_CEILING, ROUND_HALF_EVEN, Decimal
 
 NONE = "–"
 THIN = "\u202f"  # narrow no-break space, between a number and its unit
+HARD = "\u00a0"  # no-break space
 
 
 def number(x: float | None, digits: int = 4, rounding: str = ROUND_HALF_EVEN) -> str:
@@ -30,7 +31,7 @@ def number(x: float | None, digits: int = 4, rounding: str = ROUND_HALF_EVEN) ->
         return "∞" if x > 0 else "−∞"
     if x == 0:
         return "0"
-    exact = Decimal(x)
+    exact = Decimal(float(x))
     rounded = exact.quantize(Decimal(1).scaleb(exact.adjusted() - digits + 1), rounding=rounding)
     if not -4 <= exact.adjusted() < 7:
         mantissa, exponent = f"{rounded.normalize():E}".split("E")
@@ -49,10 +50,10 @@ def quantity(text: str, unit: str) -> str:
 
 
 def interval(lo: float, hi: float, unit: str = "") -> str:
-    """A range or bound; empty where there is none."""
+    """A range or bound, not to be broken; a dash where there is none."""
     if math.isinf(lo) and math.isinf(hi):
         return NONE
-    return quantity(f"[{number(lo, 6)}, {number(hi, 6)}]", unit)
+    return quantity(f"[{number(lo, 6)},{HARD}{number(hi, 6)}]", unit)
 
 
 def seconds(x: float) -> str:
@@ -61,6 +62,11 @@ def seconds(x: float) -> str:
         if x * factor >= 1 or unit == "µs":
             break
     return quantity(number(x * factor), unit)
+
+
+def within(samples: int, period: float) -> str:
+    """A guaranteed delay: ``at once``, ``within 2 samples (10 ms)``."""
+    return "at once" if samples == 0 else f"within {delay(samples, period)}"
 
 
 def delay(samples: int | None, period: float) -> str:
@@ -73,13 +79,18 @@ def delay(samples: int | None, period: float) -> str:
 
 
 def milliseconds(x: float) -> str:
-    """A time in ms, in s from ten seconds on."""
-    return quantity(number(x * 1e3), "ms") if x < 10 else quantity(number(x), "s")
+    """A time in ms, in s from one second on."""
+    return quantity(number(x * 1e3), "ms") if x < 1 else quantity(number(x), "s")
 
 
 def count(n: int, noun: str) -> str:
     """``3 modes``, ``1 mode``."""
-    return f"{n:,} {noun}{'' if n == 1 else 's'}".replace(",", THIN)
+    return f"{integer(n)} {noun}{'' if n == 1 else 's'}"
+
+
+def integer(n: int) -> str:
+    """An integer, its digits in groups of three."""
+    return f"{n:,}".replace(",", THIN)
 
 
 def share(part: float, whole: float) -> str:
@@ -95,8 +106,3 @@ def listed(items) -> str:
     if len(items) < 2:
         return "".join(items)
     return f"{', '.join(items[:-1])} and {items[-1]}"
-
-
-def floor(x: float, digits: int = 4) -> str:
-    """Print a lower bound: rounded down."""
-    return number(x, digits, ROUND_FLOOR)

@@ -33,7 +33,7 @@ class StandIn:
 
 
 def framer_tables(rng, n_modes, n_x, n_u, n_y, *, shared=True, clamp=False, tnl=True, sparse=0.0, same=0.0):
-    """Random tables in float64, rounded to both types; ``sparse``: share of entries 0, 1 or -1; ``same``: of equal modes."""
+    """Random tables for both types; ``sparse``: share of entries 0, 1 or -1; ``same``: share equal in all modes."""
     def matrix(rows, columns, scale=1.0, low=-1.0):
         values = rng.uniform(low, 1.0, (n_modes, rows, columns)) * scale
         special = rng.choice([0.0, 1.0, -1.0], size=values.shape) if low < 0 else np.zeros_like(values)
@@ -60,7 +60,8 @@ def framer_tables(rng, n_modes, n_x, n_u, n_y, *, shared=True, clamp=False, tnl=
             t[f"{name}_{side}"] = sign * rng.uniform(0.1, 1.0, (n_modes, n)) * scale
     for name, n, half in (("x", n_x, 8.0), ("x0", n_x, 1.0), ("u", n_u, 5.0), ("y", n_y, 10.0)):
         centre = rng.uniform(-0.5, 0.5, n)
-        t[f"{name}_lo"], t[f"{name}_hi"] = centre - half * rng.uniform(0.5, 1, n), centre + half * rng.uniform(0.5, 1, n)
+        t[f"{name}_lo"] = centre - half * rng.uniform(0.5, 1, n)
+        t[f"{name}_hi"] = centre + half * rng.uniform(0.5, 1, n)
     t["box"] = np.full(n_x, 1e3)
     return {real: FramerTables(real=real, clamp=clamp, **{k: v.astype(real) for k, v in t.items()})
             for real in ("float32", "float64")}
@@ -70,16 +71,18 @@ def plant_of(tables, prefix, real="float32", layout="table"):
     """A plant with the sizes and ranges of the tables."""
     t = tables["float64"]
     n_modes, n_y, n_x = t.C.shape
-    n_u = t.B.shape[2]
+
     def signals(stem, lo, hi):
-        return tuple(Signal(f"{stem} {i} */ \"é\"", "m/s²" if i else "", float(a), float(b)) for i, (a, b) in enumerate(zip(lo, hi)))
-    empty = np.zeros((n_x, 1))
-    modes = tuple(Mode(f"mode {q}", t.A[q], t.B[q], t.C[q], t.D[q], empty, np.zeros((n_y, 1)), empty, np.zeros((n_y, 1)),
-                       np.array([-0.1]), np.array([0.1 * (q + 1)]), np.array([-0.1]), np.array([0.1]))
-                  for q in range(n_modes))
-    return Plant(name=prefix, title="A stand-in", source="Nobody: A paper. https://example.org/a//b??/", kind="discrete",
-                 sample_period=0.01, x=signals("state", t.x_lo, t.x_hi), u=signals("same name", t.u_lo, t.u_hi),
-                 y=signals("output", t.y_lo, t.y_hi), w=(Signal("gust", "N"),), v=(Signal("noise", "m"),), f=(), theta=(),
+        return tuple(Signal(f"{stem} {i} */ \"é\"", "m/s²" if i else "", float(a), float(b))
+                     for i, (a, b) in enumerate(zip(lo, hi)))
+
+    of_x, of_y = np.zeros((n_x, 1)), np.zeros((n_y, 1))
+    modes = tuple(Mode(f"mode {q}", t.A[q], t.B[q], t.C[q], t.D[q], of_x, of_y, of_x, of_y, np.array([-0.1]),
+                       np.array([0.1 * (q + 1)]), np.array([-0.1]), np.array([0.1])) for q in range(n_modes))
+    return Plant(name=prefix, title="A stand-in", source="Nobody: A paper. https://example.org/a//b??/",
+                 kind="discrete", sample_period=0.01, x=signals("state", t.x_lo, t.x_hi),
+                 u=signals("same name", t.u_lo, t.u_hi), y=signals("output", t.y_lo, t.y_hi),
+                 w=(Signal("gust", "N"),), v=(Signal("noise", "m"),), f=(), theta=(),
                  x0_lo=t.x0_lo, x0_hi=t.x0_hi, modes=modes, switching=Switching(), method="stand-in", options={},
                  target=Target(prefix, real, layout), scenarios=())
 
@@ -98,10 +101,10 @@ VARIANTS = {  # keyword arguments of ``stand_in``: between them, every branch of
     "full": {},
     "smallest": {"sizes": (1, 1, 0, 1)},
     "guarded": {"supervision": GUARDED, "clamp": True, "same": 0.5},
-    "unequal": {"shared": False, "supervision": Supervision(debounce=(3, 3), latch=False, recover=1, hold=0)},
+    "unequal": {"shared": False, "supervision": Supervision(debounce=(2, 2), latch=False, recover=5, hold=0)},
     "sparse": {"sparse": 0.7, "same": 0.3, "supervision": Supervision(debounce=(1, 4), dwell_add=3, dwell_drain=1,
                                                                      dwell_limit=3)},
-    "same modes": {"same": 1.0, "sizes": (2, 2, 1, 2)},
+    "same modes": {"same": 1.0, "sizes": (2, 2, 1, 2), "supervision": Supervision(recover=1)},
     "unequal clamped": {"shared": False, "clamp": True, "sizes": (2, 2, 0, 3), "sparse": 0.3},
     "big": {"sizes": (4, 8, 3, 5)},
 }

@@ -1,4 +1,4 @@
-"""From matplotlib figures to small SVG text: the same bytes every time, and fit to stand inside a page."""
+"""From matplotlib figures to small SVG text, the same bytes every time; and which samples to draw."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from io import StringIO
 
 import matplotlib
 import numpy as np
-from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 Array = np.ndarray
@@ -37,7 +36,7 @@ def text(figure: Figure) -> str:
     Returns
     -------
     svg : str
-        From ``<svg`` on: no date, no metadata, no name that is not referred to, coordinates to 1/100 point.
+        From ``<svg`` on: no date, no metadata, no name that is not referred to, coordinates to a tenth of a point.
     """
     out = StringIO()
     with style():
@@ -45,29 +44,23 @@ def text(figure: Figure) -> str:
     svg = out.getvalue()
     svg = svg[svg.index("<svg"):]
     svg = re.sub(r"\s*<metadata>.*?</metadata>", "", svg, flags=re.S)
-    svg = re.sub(r'(?<= d=")[^"]*', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]).replace("\n", ""), svg)
+    svg = re.sub(r'(?<= d=")[^"]*', lambda m: re.sub(r"(\.\d)\d+", r"\1", m[0]).replace("\n", ""), svg)
     return _rename(svg)
 
 
-def inline(figure: Figure, name: str, label: str) -> Markup:
-    """Print a figure to stand inside HTML.
+def standalone(figure: Figure) -> str:
+    """Print a figure as a file of its own, on white.
 
     Parameters
     ----------
     figure : Figure
-    name : str
-        Distinguishes it from the other figures of the page.
-    label : str
-        What a screen reader says.
 
     Returns
     -------
-    svg : Markup
+    text : str
+        XML.
     """
-    svg = text(figure).replace('="r-', f'="{name}-').replace("#r-", f"#{name}-")
-    svg = re.sub(r'^<svg([^>]*?) width="[^"]*"', r"<svg\1", svg)
-    svg = re.sub(r'^<svg([^>]*?) height="[^"]*"', r"<svg\1", svg)
-    return Markup(svg.replace("<svg", f'<svg role="img" aria-label="{escape(label)}"', 1))
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + text(figure)
 
 
 def _rename(svg: str) -> str:

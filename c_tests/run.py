@@ -1,0 +1,99 @@
+"""Compile and run the unit tests of generated folders: ``python c_tests/run.py [FOLDER ...]``.
+
+Default: every folder in generated/. Each is compiled with every warning an error, optimised and under
+sanitizers, with the tests of test_observer.c and with its own golden test; then all of them in one binary.
+Needs nothing but Python and gcc.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wdouble-promotion",
+            "-Wfloat-equal", "-Wvla", "-Walloca", "-Wshadow", "-Wundef", "-Wstrict-prototypes", "-Wmissing-prototypes",
+            "-Wcast-align=strict", "-Wcast-qual", "-Wswitch-enum", "-Wswitch-default", "-Wnull-dereference",
+            "-Wduplicated-cond", "-Wduplicated-branches", "-Wlogical-op", "-Werror"]
+BUILDS = {
+    "optimised": ["-O2"],
+    "sanitized": ["-O1", "-g", "-fsanitize=address,undefined,bounds-strict", "-fno-sanitize-recover=all"],
+}
+
+
+def folders() -> list[Path]:
+    """The committed designs."""
+    return sorted(p.parent for p in (HERE.parent / "generated").glob("*/resources.json"))
+
+
+def case(record: dict) -> str:
+    """Print case.h: the names and numbers of the design under test."""
+    suffix = "F" if record["real"] == "float32" else ""
+    supervision = record["supervision"]
+    values = {f"CASE_{name.upper()}": "{ " + ", ".join(f"{v!r}{suffix}" for v in record["ranges"][name]) + " }"
+              for name in ("u_lo", "u_hi", "y_lo", "y_hi")}
+    values |= {"CASE_NU": str(record["n_u"]), "CASE_STATE_BYTES": f"{record['state_bytes']}U",
+               "CASE_DEBOUNCE_M": str(supervision["debounce"][0]), "CASE_HOLD": str(supervision["hold"])}
+    return "\n".join(["#ifndef CASE_H", "#define CASE_H", f'#include "{record["prefix"]}.h"',
+                      f"#define T(name) {record['prefix']}_##name", f"#define M(name) {record['macro']}_##name",
+                      *(f"#define {name} {value}" for name, value in values.items()), "#endif", ""])
+
+
+def failure(command: list, cwd: Path) -> str:
+    """Run a command; return what is wrong with it, or nothing."""
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=120)
+    return "" if done.returncode == 0 else f"status {done.returncode}: {(done.stderr or done.stdout)[:2000]}"
+
+
+def compile_and_run(sources: list[Path], flags: list[str], cwd: Path, warnings=WARNINGS) -> str:
+    """Compile sources to one program and run it; return what is wrong, or nothing."""
+    wrong = failure(["gcc", "-std=c99", "-ffp-contract=off", *warnings, *flags, *sources, "-o", "a.out"], cwd)
+    return f"compile: {wrong}" if wrong else failure(["./a.out"], cwd)
+
+
+def check_folder(folder: Path, scratch: Path, builds=tuple(BUILDS)) -> list[str]:
+    """Run all tests of one folder; return the failures (status n: check in line n of the test, or sample n)."""
+    record = json.loads((folder / "resources.json").read_text(encoding="ascii"))
+    prefix = record["prefix"]
+    (scratch / "case.h").write_text(case(record), encoding="ascii")
+    paths = [f"-I{scratch}", f"-I{folder}", f"-I{HERE}"]
+    failures = []
+    for build in builds:
+        for test in (HERE / "test_observer.c", folder / f"test_{prefix}.c"):
+            wrong = compile_and_run([folder / f"{prefix}.c", test], [*paths, *BUILDS[build]], scratch)
+            failures += [f"{folder.name}, {test.name}, {build}: {wrong}"] if wrong else []
+    return failures
+
+
+def check_together(all_folders: list[Path], scratch: Path) -> list[str]:
+    """Link designs of different prefixes into one program and run their golden tests twice, in turn."""
+    by_prefix = {}
+    for folder in all_folders:
+        record = json.loads((folder / "resources.json").read_text(encoding="ascii"))
+        by_prefix.setdefault(record["prefix"], (folder, record["macro"]))
+    sources = [f / name for p, (f, _) in by_prefix.items() for name in (f"{p}.c", f"test_{p}.c")]
+    calls = "".join(f"    failed |= {p}_self_test();\n" for p in by_prefix)
+    declarations = "".join(f"int {p}_self_test(void);\n" for p in by_prefix)
+    main = scratch / "together.c"
+    main.write_text(f"{declarations}\nint main(void)\n{{\n    int failed = 0;\n\n{calls}{calls}"
+                    "    return (failed == 0) ? 0 : 1;\n}\n", encoding="ascii")
+    flags = [*(f"-I{f}" for f, _ in by_prefix.values()), *(f"-D{m}_NO_MAIN" for _, m in by_prefix.values()), "-O2"]
+    wrong = compile_and_run([*sources, main], flags, scratch)
+    return [f"together: {wrong}"] if wrong else []
+
+
+def main(arguments: list[str]) -> int:
+    """Run everything, print what failed, return the exit status."""
+    chosen = [Path(a).resolve() for a in arguments] or folders()
+    with tempfile.TemporaryDirectory() as scratch:
+        failures = [f for folder in chosen for f in check_folder(folder, Path(scratch))]
+        failures += check_together(chosen, Path(scratch)) if len(chosen) > 1 else []
+    print("\n".join(failures) or f"{len(chosen)} designs: all tests pass")
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,323 @@
+/*
+ * Unit tests that every generated observer must pass, whatever its plant. run.py writes case.h, which names
+ * the design under test (T: its prefix, M: its macros), its declared ranges and its supervisor's settings.
+ */
+#include "case.h"
+#include "check.h"
+
+/* The last state of a quiet run, so that each test starts from a used observer. */
+typedef struct {
+    T(state) s;
+    T(in) in;
+    T(out) out;
+} bench;
+
+#if CASE_NU > 0
+static const T(real) u_lo[] = CASE_U_LO;
+static const T(real) u_hi[] = CASE_U_HI;
+#endif
+static const T(real) y_lo[] = CASE_Y_LO;
+static const T(real) y_hi[] = CASE_Y_HI;
+
+static T(real) not_a_number(void)
+{
+    static volatile T(real) zero = 0;
+
+    return zero / zero;
+}
+
+/* All bytes, padding too, so that comparing bytes compares values. */
+static void wipe(bench *b)
+{
+    unsigned char *byte = (unsigned char *)b;
+
+    for (uint32_t i = 0U; i < sizeof(*b); i++)
+    {
+        byte[i] = 0U;
+    }
+}
+
+static void inputs_in_the_middle(T(in) *in)
+{
+#if CASE_NU > 0
+    for (uint32_t i = 0U; i < M(NU); i++)
+    {
+        in->u[i] = (u_lo[i] / 2) + (u_hi[i] / 2);
+    }
+#endif
+    for (uint32_t i = 0U; i < M(NY); i++)
+    {
+        in->y[i] = (y_lo[i] / 2) + (y_hi[i] / 2);
+    }
+    in->mode = 0U;
+}
+
+/* Choose y in the middle of its bounds, found by a trial on a copy. Returns whether every y is in its range. */
+static int measure_quietly(bench *b)
+{
+    bench trial = *b;
+    int within = 1;
+
+    inputs_in_the_middle(&trial.in);
+    trial.in.mode = b->in.mode;
+    within &= (T(step)(&trial.s, &trial.in, &trial.out) == M(OK)) ? 1 : 0;
+    for (uint32_t i = 0U; i < M(NY); i++)
+    {
+        b->in.y[i] = trial.in.y[i] + ((trial.out.r_lo[i] / 2) + (trial.out.r_hi[i] / 2));
+        within &= ((b->in.y[i] >= y_lo[i]) && (b->in.y[i] <= y_hi[i])) ? 1 : 0;
+    }
+    return within;
+}
+
+static void start(bench *b)
+{
+    wipe(b);
+    inputs_in_the_middle(&b->in);
+    T(init)(&b->s);
+}
+
+/* Move one y so far from the middle that it must be outside its bounds; 0 if its range does not allow that. */
+static int measure_a_fault(bench *b, uint32_t *bit)
+{
+    bench trial = *b;
+    int found = 0;
+
+    if ((measure_quietly(b) != 0) && (measure_quietly(&trial) != 0))
+    {
+        (void)T(step)(&trial.s, &trial.in, &trial.out);
+        for (uint32_t i = 0U; (i < M(NY)) && (found == 0); i++)
+        {
+            const T(real) width = trial.out.r_hi[i] - trial.out.r_lo[i];
+
+            if ((trial.in.y[i] + width) < y_hi[i])
+            {
+                b->in.y[i] = y_hi[i];
+                found = 1;
+            }
+            else if ((trial.in.y[i] - width) > y_lo[i])
+            {
+                b->in.y[i] = y_lo[i];
+                found = 1;
+            }
+            else
+            {
+                /* the bounds are as wide as the range: try the next output */
+            }
+            *bit = (found != 0) ? ((uint32_t)1U << i) : *bit;
+        }
+    }
+    return found;
+}
+
+static int state_has_no_padding(void)
+{
+    CHECK(sizeof(T(state)) == CASE_STATE_BYTES);
+    return 0;
+}
+
+static int init_writes_every_byte(void)
+{
+    bench a, b;
+
+    start(&a);
+    wipe(&b);
+    for (uint32_t i = 0U; i < sizeof(b.s); i++)
+    {
+        ((unsigned char *)&b.s)[i] = 0xA5U;
+    }
+    T(init)(&b.s);
+    CHECK(same_bytes(&a.s, &b.s, sizeof(a.s)));
+    T(reset)(&a.s);
+    for (uint32_t i = 0U; i < sizeof(b.s); i++)
+    {
+        ((unsigned char *)&b.s)[i] = 0x5AU;
+    }
+    T(reset)(&b.s);
+    CHECK(same_bytes(&a.s, &b.s, sizeof(a.s)));
+    return 0;
+}
+
+static int a_measurement_in_the_middle_is_quiet(void)
+{
+    bench b;
+
+    start(&b);
+    if (measure_quietly(&b) != 0)
+    {
+        CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
+        CHECK((b.out.raw == 0U) && (b.out.alarm == 0U) && (b.out.latched == 0U) && (b.out.assured == 1U));
+        for (uint32_t i = 0U; i < M(NX); i++)
+        {
+            CHECK(b.out.x_lo[i] <= b.out.x_hi[i]);
+        }
+        for (uint32_t i = 0U; i < M(NY); i++)
+        {
+            CHECK((b.out.r_lo[i] <= 0) && (b.out.r_hi[i] >= 0));
+        }
+    }
+    return 0;
+}
+
+static int fault_latch_and_reset(void)
+{
+    bench b;
+    uint32_t bit = 0U;
+
+    start(&b);
+    if (measure_a_fault(&b, &bit) != 0)
+    {
+        CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
+        CHECK(((b.out.raw & bit) != 0U) && (b.out.assured == 0U));
+        CHECK(((b.out.alarm & bit) != 0U) == (CASE_DEBOUNCE_M == 1));
+        CHECK(b.out.latched == b.out.alarm);
+        if (b.out.alarm != 0U)
+        {
+            const uint32_t latched = b.out.latched;
+
+            /* Without measurement there is no alarm, but it is not forgotten either. */
+            CHECK(T(predict)(&b.s, &b.in, &b.out) == M(OK));
+            CHECK((b.out.raw == 0U) && (b.out.alarm == 0U) && (b.out.latched == latched));
+            CHECK(b.out.assured == ((CASE_HOLD == 0) ? 1U : 0U));
+            T(reset)(&b.s);
+            CHECK(T(predict)(&b.s, &b.in, &b.out) == M(OK));
+            CHECK((b.out.latched == 0U) && (b.out.assured == 1U));
+        }
+    }
+    return 0;
+}
+
+/* One refused call: what is spoilt, and the answers of step and predict. */
+typedef enum { MODE, INPUT, OUTPUT } part;
+typedef enum { NAN_, ABOVE, BELOW, JUST_ABOVE } how;
+typedef struct {
+    part what;
+    how by;
+    T(status) step;
+    T(status) predict;
+} refusal;
+
+static const refusal refusals[] = {
+    { MODE, JUST_ABOVE, M(BAD_MODE), M(BAD_MODE) },
+    { MODE, ABOVE, M(BAD_MODE), M(BAD_MODE) },
+#if CASE_NU > 0
+    { INPUT, NAN_, M(BAD_INPUT), M(BAD_INPUT) },
+    { INPUT, ABOVE, M(BAD_INPUT), M(BAD_INPUT) },
+    { INPUT, BELOW, M(BAD_INPUT), M(BAD_INPUT) },
+#endif
+    { OUTPUT, NAN_, M(BAD_OUTPUT), M(OK) },
+    { OUTPUT, ABOVE, M(BAD_OUTPUT), M(OK) },
+    { OUTPUT, BELOW, M(BAD_OUTPUT), M(OK) },
+};
+
+static T(real) spoilt(how by, T(real) lo, T(real) hi)
+{
+    const T(real) width = (hi - lo) + 1;
+
+    return (by == NAN_) ? not_a_number() : ((by == ABOVE) ? (hi + width) : (lo - width));
+}
+
+static int refused_calls_change_nothing(void)
+{
+    for (uint32_t n = 0U; n < (sizeof(refusals) / sizeof(refusals[0])); n++)
+    {
+        const refusal *const r = &refusals[n];
+        bench b, before;
+
+        start(&b);
+        CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
+        CHECK(T(predict)(&b.s, &b.in, &b.out) == M(OK));
+        if (r->what == MODE)
+        {
+            b.in.mode = (r->by == ABOVE) ? 0xFFFFFFFFU : M(MODES);
+        }
+        else if (r->what == OUTPUT)
+        {
+            b.in.y[M(NY) - 1U] = spoilt(r->by, y_lo[M(NY) - 1U], y_hi[M(NY) - 1U]);
+        }
+        else
+        {
+#if CASE_NU > 0
+            b.in.u[M(NU) - 1U] = spoilt(r->by, u_lo[M(NU) - 1U], u_hi[M(NU) - 1U]);
+#endif
+        }
+        before = b;
+        CHECK(T(step)(&b.s, &b.in, &b.out) == r->step);
+        CHECK(same_bytes(&b, &before, sizeof(b)));
+        CHECK(T(predict)(&b.s, &b.in, &b.out) == r->predict);
+        CHECK((r->predict == M(OK)) || same_bytes(&b, &before, sizeof(b)));
+        CHECK((r->predict != M(OK)) || ((b.out.raw == 0U) && (b.out.alarm == 0U)));
+    }
+    return 0;
+}
+
+static int every_mode_is_accepted(void)
+{
+    bench b;
+
+    start(&b);
+    for (uint32_t round = 0U; round < 3U; round++)
+    {
+        for (b.in.mode = 0U; b.in.mode < M(MODES); b.in.mode++)
+        {
+            CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
+            CHECK(T(predict)(&b.s, &b.in, &b.out) == M(OK));
+        }
+    }
+    return 0;
+}
+
+static int two_instances_do_not_meet(void)
+{
+    bench alone, one, other;
+
+    start(&alone);
+    start(&one);
+    start(&other);
+    for (uint32_t k = 0U; k < 20U; k++)
+    {
+        alone.in.mode = k % M(MODES);
+        one.in.mode = alone.in.mode;
+        other.in.mode = (k / 2U) % M(MODES);
+        alone.in.y[0] = ((k % 3U) == 0U) ? y_hi[0] : ((y_lo[0] / 2) + (y_hi[0] / 2));
+        one.in.y[0] = alone.in.y[0];
+        other.in.y[0] = y_lo[0];
+        CHECK(T(step)(&alone.s, &alone.in, &alone.out) == M(OK));
+        CHECK(T(step)(&one.s, &one.in, &one.out) == M(OK));
+        CHECK(T(step)(&other.s, &other.in, &other.out) == M(OK));
+        CHECK(same_bytes(&alone, &one, sizeof(alone)));
+    }
+    return 0;
+}
+
+static int a_bad_sensor_for_ever_stays_bounded(void)
+{
+    bench b;
+
+    start(&b);
+    for (uint32_t k = 0U; k < 2000U; k++)
+    {
+        b.in.mode = (k / 7U) % M(MODES);
+        b.in.y[0] = ((k % 2U) == 0U) ? y_hi[0] : y_lo[0];
+        CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
+        for (uint32_t i = 0U; i < M(NX); i++)
+        {
+            /* finite: a number minus itself is zero */
+            CHECK((b.out.x_lo[i] - b.out.x_lo[i]) >= 0);
+            CHECK((b.out.x_hi[i] - b.out.x_hi[i]) >= 0);
+        }
+    }
+    return 0;
+}
+
+int main(void)
+{
+    RUN(state_has_no_padding);
+    RUN(init_writes_every_byte);
+    RUN(a_measurement_in_the_middle_is_quiet);
+    RUN(fault_latch_and_reset);
+    RUN(refused_calls_change_nothing);
+    RUN(every_mode_is_accepted);
+    RUN(two_instances_do_not_meet);
+    RUN(a_bad_sensor_for_ever_stays_bounded);
+    return 0;
+}

@@ -1,0 +1,191 @@
+"""One panel each: residual bounds, state bounds, modes, alarms, drawn on given axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from ..observers import Trace
+from ..plant.model import Plant, PlantTrace
+from .svg import pick, stretches
+
+Array = np.ndarray
+
+# Okabe and Ito's colours, told apart by every kind of colour vision; the names say what each is for.
+BAND, EDGE, TRUTH, ALARM, FAULT, ASSURED, MODE, IDLE = ("#c3dcef", "#0072B2", "#000000", "#D55E00", "#F5C243",
+                                                        "#009E73", "#56708a", "#b0b0b0")
+BUCKETS = 150
+THIN = 0.04  # bounds narrower than this part of their panel get a magnified one too
+DOTS = 80  # up to so many samples each is marked
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run and the samples [start, stop) of it to be shown.
+
+    Parameters
+    ----------
+    plant : Plant
+    truth : PlantTrace
+    trace : Trace
+    start, stop : int
+    """
+
+    plant: Plant
+    truth: PlantTrace
+    trace: Trace
+    start: int
+    stop: int
+
+    @property
+    def window(self) -> slice:
+        """The samples as a slice."""
+        return slice(self.start, self.stop)
+
+    @property
+    def time(self) -> Array:
+        """Time of the shown samples, in seconds."""
+        return np.arange(self.start, self.stop) * self.plant.sample_period
+
+    @property
+    def calm(self) -> Array:
+        """Shown samples that set the scale: bounds in force or an alarm, not the start and not the restarts."""
+        calm = (self.trace.assured | (self.trace.raw_bits != 0))[self.window]
+        late = np.arange(self.start, self.stop) >= len(self.trace.status) // 20 + 3
+        return next((c for c in (calm & late, calm) if c.any()), np.ones_like(calm))
+
+    @property
+    def simulated(self) -> bool:
+        """Whether there is a true state."""
+        return not np.isnan(self.truth.x).all()
+
+
+def output(axis: Axes, run: Run, j: int) -> None:
+    """Residual bounds of one output around zero."""
+    lo, hi = run.trace.r_lo[run.window, j], run.trace.r_hi[run.window, j]
+    _faults(axis, run)
+    _band(axis, run, lo, hi)
+    axis.axhline(0.0, color=TRUTH, linewidth=1.0)
+    for start, stop in stretches((run.trace.raw_bits[run.window] >> j) & 1 == 1):
+        at = (run.start + np.array([start, stop])) * run.plant.sample_period
+        axis.plot(at, [0.0, 0.0], color=ALARM, linewidth=3.5, solid_capstyle="butt", zorder=3)
+    _limits(axis, [lo[run.calm], hi[run.calm], np.zeros(1)])
+    signal = run.plant.y[j]
+    axis.set_title(f"Residual of output {signal.name}: bounds on y, minus the y measured")
+    axis.set_ylabel(_unit("residual", signal.unit))
+
+
+def state(axis: Axes, run: Run, i: int) -> None:
+    """Bounds of one state, with the true state where it is known."""
+    lo, hi, x = run.trace.x_lo[run.window, i], run.trace.x_hi[run.window, i], run.truth.x[run.window, i]
+    _faults(axis, run)
+    _band(axis, run, lo, hi)
+    index = pick(x[:, None], BUCKETS)
+    axis.plot(run.time[index], x[index], color=TRUTH, linewidth=1.0)
+    _limits(axis, [lo[run.calm], hi[run.calm], x])
+    signal = run.plant.x[i]
+    axis.set_title(f"State {signal.name}")
+    axis.set_ylabel(_unit(signal.name, signal.unit))
+
+
+def magnified(axis: Axes, run: Run, i: int) -> None:
+    """Bounds of one state relative to the true state, or to their middle where it is not known."""
+    lo, hi, x = (a.astype(float) for a in (run.trace.x_lo[run.window, i], run.trace.x_hi[run.window, i],
+                                           run.truth.x[run.window, i]))
+    centre = x if run.simulated else (lo + hi) / 2
+    _faults(axis, run)
+    _band(axis, run, lo - centre, hi - centre)
+    if run.simulated:
+        axis.axhline(0.0, color=TRUTH, linewidth=1.0)
+    settled = run.calm & run.trace.assured[run.window] & ~np.any(run.truth.f[run.window] != 0, axis=1)
+    settled = settled if settled.any() else run.calm
+    _limits(axis, [(lo - centre)[settled], (hi - centre)[settled], np.zeros(1)])
+    signal = run.plant.x[i]
+    zero = "the true state" if run.simulated else "their middle"
+    axis.set_title(f"State {signal.name}, magnified: bounds minus {zero}")
+    axis.set_ylabel(_unit("distance", signal.unit))
+
+
+def is_thin(run: Run, i: int) -> bool:
+    """Whether the bounds could not be told from a line."""
+    lo, hi = (a[run.window, i][run.calm] for a in (run.trace.x_lo, run.trace.x_hi))
+    known = ~np.isnan(lo)
+    return bool(known.any()) and bool(np.median((hi - lo)[known]) < THIN * (hi[known].max() - lo[known].min()))
+
+
+def modes(axis: Axes, run: Run) -> None:
+    """The active mode, one row per mode."""
+    q = run.truth.q[run.window]
+    for mode in range(run.plant.n_modes):
+        _bars(axis, run, q == mode, mode, MODE)
+    names = [m.name if len(m.name) <= 12 else m.name[:11] + "…" for m in run.plant.modes]
+    _rows(axis, names, "mode")
+
+
+def monitor(axis: Axes, run: Run) -> None:
+    """What was wrong and what the firmware said of it."""
+    refused = run.trace.status[run.window] != 0
+    rows = [("fault", np.any(run.truth.f[run.window] != 0, axis=1), FAULT),
+            ("alarm", run.trace.alarm[run.window], ALARM), ("assured", run.trace.assured[run.window], ASSURED)]
+    rows += [("refused", refused, TRUTH)] if refused.any() else []
+    for row, (name, on, colour) in enumerate(rows):
+        if name == "assured":  # where several samples share a column, one without guarantee is enough
+            lost = np.zeros_like(on)
+            for start, stop in stretches(~on):
+                lost[start:stop] = True
+            on = ~lost
+        _bars(axis, run, on, row, colour)
+    _rows(axis, [name for name, _, _ in rows], "monitor")
+
+
+def _bars(axis: Axes, run: Run, on: Array, row: int, colour: str) -> None:
+    period = run.plant.sample_period
+    spans = [((run.start + a) * period, (b - a) * period) for a, b in stretches(on)]
+    axis.broken_barh(spans, (row - 0.36, 0.72), facecolor=colour, edgecolor=colour, linewidth=0.4)
+
+
+def _rows(axis: Axes, names: list[str], label: str) -> None:
+    axis.set_yticks(range(len(names)), names)
+    axis.set_ylim(len(names) - 0.4, -0.6)
+    axis.tick_params(axis="y", length=0)
+    axis.set_ylabel(label)
+
+
+def _faults(axis: Axes, run: Run) -> None:
+    period = run.plant.sample_period
+    for start, stop in stretches(np.any(run.truth.f[run.window] != 0, axis=1)):
+        span = (run.start + start) * period, (run.start + stop) * period
+        axis.axvspan(*span, facecolor=FAULT, alpha=0.35, linewidth=0)
+
+
+def _band(axis: Axes, run: Run, lo: Array, hi: Array) -> None:
+    """The area between the bounds: outlined while they are assured, grey where they are not."""
+    assured = run.trace.assured[run.window]
+    changes = np.flatnonzero(np.diff(assured))
+    changes = changes if len(changes) < BUCKETS else changes[:0]
+    index = np.union1d(pick(np.stack([lo, hi], axis=1).astype(float), BUCKETS), [*changes, *(changes + 1)]).astype(int)
+    time, lo, hi, assured = run.time[index], lo[index], hi[index], assured[index]
+    idle = ~assured
+    idle[1:] |= ~assured[:-1]  # the grey area reaches up to its neighbours
+    idle[:-1] |= ~assured[1:]
+    axis.fill_between(time, lo, hi, where=idle, facecolor=IDLE, edgecolor=IDLE, linewidth=0.8)
+    axis.fill_between(time, lo, hi, where=assured, facecolor=BAND, edgecolor=EDGE, linewidth=0.9)
+    if run.stop - run.start <= DOTS:
+        for curve in (lo, hi):
+            axis.plot(time, curve, color=EDGE, linewidth=0, marker=".", markersize=3)
+
+
+def _limits(axis: Axes, values: list[Array]) -> None:
+    """Show these values, and a margin; what is further out is cut."""
+    every = np.concatenate([np.asarray(v, dtype=float).ravel() for v in values])
+    every = every[np.isfinite(every)]
+    lo, hi = (every.min(), every.max()) if len(every) else (-1.0, 1.0)
+    pad = 0.1 * (hi - lo) or 0.1 * abs(hi) or 1.0
+    axis.set_ylim(lo - pad, hi + pad)
+    axis.ticklabel_format(axis="y", style="sci", scilimits=(-3, 4), useMathText=False)
+
+
+def _unit(name: str, unit: str) -> str:
+    return f"{name} ({unit})" if unit else name

@@ -1,0 +1,195 @@
+"""The design in words: what was chosen and why, what is proved, for what, and what is not."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..analysis.detectability import limited, ultimate_errors
+from . import words
+from .plant_words import reach
+from .table import Cell, Fact, Folded, Row, Table, table
+
+SHOWN = 8  # rows of the table of what was tried; the others are folded
+
+WHY = {
+    "linf": "the one with the lowest certified level on the framer error was kept",
+    "width": "the one with the narrowest guaranteed bounds was kept",
+    "": "the one with the smallest surely detected fault was kept (the worst channel counts, relative to its declared "
+        "range); thresholds within 5 % count as equal, then a proof for any switching goes before one with a dwell "
+        "time, then narrower bounds before wider ones",
+}
+
+
+@dataclass(frozen=True)
+class DesignWords:
+    """What the report says of a design, for one number type."""
+
+    facts: tuple[Fact, ...]
+    choice: Table
+    others: tuple[Folded, ...]
+    proved: tuple[str, ...]
+    bounds: tuple[Table, ...]
+    assumed: tuple[str, ...]
+    not_guaranteed: tuple[str, ...]
+    detection: tuple[Table, ...]
+
+
+def words_of(design, real: str) -> DesignWords:
+    """Say what is to be said of a design.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+
+    Returns
+    -------
+    DesignWords
+    """
+    choice, others = _choice(design)
+    return DesignWords(_facts(design, real), choice, others, tuple(_sentence(c) for c in design.claims(real)),
+                       _bounds(design, real), _assumed(design, real), _not_guaranteed(design, real),
+                       _detection(design, real))
+
+
+def _sentence(claim: str) -> str:
+    """A claim with a capital, if it begins with a word and not with a symbol, and a full stop."""
+    first = claim.split(" ", 1)[0]
+    return (claim[:1].upper() + claim[1:] if first.isalpha() else claim).rstrip(".") + "."
+
+
+def proved_switching(cert: dict) -> str:
+    """Say for which switching the certificate's level holds."""
+    if cert["kind"] != "linf" or limited(cert) is None:
+        return "any switching, as fast as every sample"
+    tau, chatter = limited(cert)
+    return (f"switching with an average dwell time of at least {tau:g} samples and chatter bound {chatter:g}; the "
+            "firmware watches it and withdraws “assured” when it is faster")
+
+
+def _facts(design, real: str) -> tuple[Fact, ...]:
+    criterion = design.options.get("criterion", "")
+    tried = words.count(len(design.choice), "certified design")
+    if "gains" in design.options:
+        why = "the gains were given in the plant file; they were certified, not chosen"
+    elif not design.plant.f and not criterion:
+        why = f"of {tried}, the narrowest was kept: there is no fault channel"
+    else:
+        why = f"of {tried}, {WHY.get(criterion, WHY[''])}"
+    asked = f"“{criterion}” was asked for" if criterion else "none was asked for"
+    return (Fact("Method", f"{design.method}: {_family(design)}"),
+            Fact("Criterion", f"{asked}; {why}"),
+            Fact("Proved for", proved_switching(design.certificate[real])),
+            Fact("Arithmetic", f"{real}; the proof is about the rounded constants and covers all rounding at run time"))
+
+
+def _family(design) -> str:
+    """What the firmware computes, in the words of the family's own documentation."""
+    text = (inspect.getdoc(inspect.getmodule(type(design.observer))) or design.observer.family).splitlines()[0]
+    return text.split(":", 1)[-1].strip().rstrip(".")
+
+
+def _choice(design) -> tuple[Table, tuple[Folded, ...]]:
+    """What was tried, best first."""
+    head = ("method", "design", *(f"#{f.name}" for f in design.plant.f), "#relative width", "#level")
+    rows = []
+    for entry in design.choice:
+        faults = [words.quantity(words.at_most(x), f.unit) if x is not None else "not at any size"
+                  for x, f in zip(entry["surely_detected"], design.plant.f)]
+        label = entry["design"] + (" (chosen)" if entry["chosen"] else "")
+        cells = (entry["method"], label, *faults, words.at_most(entry["relative_width"], 3),
+                 words.at_most(entry["level"]))
+        kinds = ("", "", *["num"] * (len(cells) - 2))
+        rows.append(Row(tuple(Cell(c, k) for c, k in zip(cells, kinds)), "chosen" if entry["chosen"] else ""))
+    notes = ("Columns named after a fault: the smallest step of it that is surely detected. Relative width: guaranteed "
+             "ultimate width of the states, each in units of its declared range, summed. Level: of the criterion that "
+             "gave the design; not to be compared between criteria.",)
+    rest = rows[SHOWN:]
+    others = f"{words.count(len(rest), 'other design')} that {'was' if len(rest) == 1 else 'were'} tried"
+    folded = (Folded(others, (table("The others, best first", head, rest),)),) if rest else ()
+    return table("What was tried, best first", head, rows[:SHOWN], notes), folded
+
+
+def settled_width(design, real: str) -> np.ndarray | None:
+    """Guaranteed width of each state once the framers have settled; None where none is proved."""
+    errors = ultimate_errors(design.certificate[real])
+    return None if errors is None else errors[0] + errors[1]
+
+
+def _bounds(design, real: str) -> tuple[Table, ...]:
+    width = settled_width(design, real)
+    if width is None:
+        return ()
+    rows = []
+    for signal, w in zip(design.plant.x, width):
+        part = w / reach(signal)
+        share = words.quantity(words.at_most(100 * part, 3), "%")
+        rows.append((signal.name, words.quantity(words.at_most(w), signal.unit),
+                     words.interval(signal.lo, signal.hi, signal.unit), share,
+                     Cell("wider than the range: says nothing new", "warn") if part >= 1 else ""))
+    head = ("state", "#proved width at most", "declared range", "#share of the range", "remark")
+    head, rows = (head, rows) if any(row[-1] for row in rows) else (head[:-1], [row[:-1] for row in rows])
+    return (table("How wide the bounds can be, once settled", head, rows),)
+
+
+def _assumed(design, real: str) -> tuple[str, ...]:
+    plant, tables = design.plant, design.observer.tables[real]
+    items = ["The plant is the one of the plant file, with no fault acting; the mode given to the firmware is the true "
+             "one.",
+             f"There is one call of step or predict every {words.seconds(plant.sample_period)}.",
+             "At init the state is in its initial box; at all times it is in its declared range. The range "
+             + ("cuts the bounds at every call." if tables.clamp else
+                "is where the bounds restart after a fault, and cuts them while a measurement is missing."),
+             "Disturbance and noise keep to the bounds listed above."]
+    if design.observer.supervision.monitors_dwell:
+        items.append("The modes switch slowly enough on average; this is watched at run time.")
+    items.append("Arithmetic is IEEE 754, rounding to nearest, with subnormal numbers.")
+    return tuple(items)
+
+
+def _not_guaranteed(design, real: str) -> tuple[str, ...]:
+    debounce = design.observer.supervision.debounce
+    items = ["That a fault below the thresholds is found. It may be, or may not.",
+             "The state bounds while a fault acts. A fault too small to be seen can act while “assured” is set: it "
+             "means that nothing measured contradicts the assumptions.",
+             "That the alarm lasts as long as the fault. After an alarm the observer restarts from the declared ranges "
+             "and may then take a constant fault for part of the plant"
+             + ("; the latched bits remember it." if design.observer.supervision.latch else "."),
+             "Which fault it is. An alarm bit says which output left its bounds, not why.",
+             "Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
+             "with the observer settled before it."]
+    if debounce != (1, 1):
+        items.append("The delays below for the debounced alarm: they count to the first sample outside its bounds; the "
+                     f"alarm itself wants {debounce[0]} of {debounce[1]} samples.")
+    if design.certificate[real]["kind"] == "none":
+        items.append("Any level on the width: the gains given were certified for containment alone.")
+    return tuple(items)
+
+
+def _detection(design, real: str) -> tuple[Table, ...]:
+    """Thresholds per channel and delay."""
+    faults = design.detection[real]
+    if not faults:
+        return ()
+    period = design.plant.sample_period
+    longest = max(len(f["by_delay"]) for f in faults)
+    head = ["fault", "declared range", *(f"#{words.within(d, period)}" for d in range(longest))]
+    rows: list[list] = []
+    warned = False
+    for fault, signal in zip(faults, design.plant.f):
+        largest = max(abs(signal.lo), abs(signal.hi))
+        cells = [fault["channel"], words.interval(signal.lo, signal.hi, signal.unit)]
+        for size in fault["by_delay"]:
+            beyond = size is not None and size > largest
+            warned |= beyond
+            text = "not at any size" if size is None else words.quantity(words.at_most(size), fault["unit"])
+            cells.append(Cell(text + (" *" if beyond else ""), "num warn" if beyond or size is None else "num"))
+        rows.append(cells)
+    notes = ["A step of this size or more, of either sign, puts an output outside its bounds within this time, "
+             "whatever the disturbance, the noise and the mode sequence that the certificate admits. The delay counts "
+             "from the first sample of the fault; “at once” is that sample itself."]
+    notes += ["* larger than the declared range of the fault"] * warned
+    return (table("Smallest fault that is surely detected", head, rows, notes),)

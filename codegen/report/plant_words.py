@@ -1,0 +1,105 @@
+"""The plant in words: its signals with units and ranges, its modes, the bounds on what is not known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..plant.model import Plant, Signal
+from . import words
+from .table import Fact, Table, table
+
+
+def facts(plant: Plant) -> tuple[Fact, ...]:
+    """Say what kind of plant it is.
+
+    Parameters
+    ----------
+    plant : Plant
+
+    Returns
+    -------
+    tuple of Fact
+    """
+    period = f"{words.seconds(plant.sample_period)} ({plant.kind} time)"
+    return (Fact("Plant", f"{plant.title or plant.name} ({plant.name})"), Fact("Source", plant.source or "not given"),
+            Fact("Sample period", period), Fact("Model", _model(plant)), Fact("Modes", _modes(plant)),
+            Fact("Switching", switching(plant)))
+
+
+def _model(plant: Plant) -> str:
+    sizes = [words.count(plant.n_x, "state"), words.count(plant.n_u, "input"), words.count(plant.n_y, "output"),
+             words.count(plant.n_w, "disturbance"), words.count(plant.n_v, "noise channel"),
+             words.count(plant.n_f, "fault channel")]
+    return (f"{words.listed(sizes)}; per mode q: x⁺ = A x + B u + Bw w + Bf f, y = C x + D u + Dv v + Df f"
+            + ("; A … depend on the parameters theta" if plant.theta else ""))
+
+
+def _modes(plant: Plant) -> str:
+    if plant.n_modes == 1:
+        return f"one, “{plant.modes[0].name}”"
+    return f"{plant.n_modes}: {words.listed(f'“{m.name}”' for m in plant.modes)}"
+
+
+def switching(plant: Plant) -> str:
+    """Say how the modes may follow each other.
+
+    Parameters
+    ----------
+    plant : Plant
+
+    Returns
+    -------
+    text : str
+    """
+    s = plant.switching
+    if plant.n_modes == 1:
+        return "none: there is one mode"
+    told = "the firmware is told the mode at every sample" if s.known else "the firmware must find out the mode"
+    if s.average_dwell is None:
+        return f"arbitrary, as fast as every sample; {told}"
+    samples = words.number(s.average_dwell / plant.sample_period)
+    return (f"on average {words.seconds(s.average_dwell)} ({samples} samples) or more between switches, with chatter "
+            f"bound {s.chatter:g}; {told}")
+
+
+def tables(plant: Plant) -> tuple[Table, ...]:
+    """List the signals of the plant, and its initial box.
+
+    Parameters
+    ----------
+    plant : Plant
+
+    Returns
+    -------
+    tuple of Table
+    """
+    rows = []
+    for kind, vector in (("state", "x"), ("input", "u"), ("output", "y"), ("fault", "f"), ("parameter", "theta")):
+        for j, signal in enumerate(getattr(plant, vector)):
+            rows.append((f"{kind}{words.HARD}{vector}[{j}]", signal.name, signal.unit or words.NONE,
+                         words.interval(signal.lo, signal.hi, signal.unit),
+                         words.interval(plant.x0_lo[j], plant.x0_hi[j], signal.unit) if vector == "x" else ""))
+    signals = table("Signals and their declared ranges", ("signal", "name", "unit", "range", "at the start"), rows)
+    unknown = [row for vector, kind in (("w", "disturbance"), ("v", "noise")) for row in _bounds(plant, vector, kind)]
+    if not unknown:
+        return (signals,)
+    return signals, table("What may act at any time, within these bounds", ("signal", "name", "unit", "bounds", "mode"),
+                          unknown)
+
+
+def _bounds(plant: Plant, vector: str, kind: str) -> list[tuple[str, ...]]:
+    """Rows of w or v: one per channel, or one per channel and mode where the bounds differ."""
+    rows = []
+    for j, signal in enumerate(getattr(plant, vector)):
+        limits = [(float(getattr(m, f"{vector}_lo")[j]), float(getattr(m, f"{vector}_hi")[j])) for m in plant.modes]
+        same = len(set(limits)) == 1
+        for (lo, hi), mode in zip(limits[:1] if same else limits, plant.modes):
+            rows.append((f"{kind}{words.HARD}{vector}[{j}]", signal.name, signal.unit or words.NONE,
+                         words.interval(lo, hi, signal.unit), "every mode" if same else mode.name))
+    return rows
+
+
+def reach(signal: Signal) -> float:
+    """Width of a declared range; NaN where there is none."""
+    width = signal.hi - signal.lo
+    return width if np.isfinite(width) and width > 0 else np.nan

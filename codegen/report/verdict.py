@@ -1,0 +1,104 @@
+"""The headline: what the firmware does and whether it passed, for someone who reads nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..analysis.validate import Outcome
+from . import firmware_words, outcome_words, words
+from .table import Fact
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The headline's parts; ``kind`` is a CSS class ("ok", "bad" or "warn"), ``figures`` the tiles below it."""
+
+    kind: str
+    word: str
+    purpose: str
+    result: str
+    figures: tuple[Fact, ...]
+
+
+def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict:
+    """Sum everything up.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+    record : dict
+        Contents of resources.json; may be empty.
+    outcomes : list of Outcome
+
+    Returns
+    -------
+    Verdict
+    """
+    complaints = [text for o in outcomes for text in _complaints(design, real, o)]
+    figures = _figures(design, real, record, outcomes)
+    if not outcomes:
+        text = "The plant file has no scenario that could be run."
+        return Verdict("warn", "Not validated", purpose(design), text, figures)
+    if complaints:
+        text = f"{'; '.join(complaints)}. Do not use this firmware."
+        return Verdict("bad", "Validation failed", purpose(design), text[0].upper() + text[1:], figures)
+    samples = sum(len(o.trace.status) for o in outcomes)
+    found = [e for o in outcomes for e in o.episodes if e.delay is not None]
+    injected = sum(len(o.episodes) for o in outcomes)
+    simulated = [o for o in outcomes if not outcome_words.is_record(o)]
+    parts = ["the compiled C agrees with the reference in every bit", "no false alarm"]
+    if simulated:
+        parts.insert(1, f"no true state outside its bounds ({words.count(len(simulated), 'simulated scenario')})")
+    text = f"In {words.count(len(outcomes), 'scenario')} with {words.count(samples, 'sample')}: {words.listed(parts)}."
+    if injected:
+        text += f" {len(found)} of {words.count(injected, 'fault')} found, each one that was promised in time."
+    return Verdict("ok", "Validation passed", purpose(design), text, figures)
+
+
+def purpose(design) -> str:
+    """Say in a sentence what the firmware does.
+
+    Parameters
+    ----------
+    design : Design
+
+    Returns
+    -------
+    text : str
+    """
+    plant = design.plant
+    outputs = words.listed(s.name for s in plant.y)
+    states = words.listed(s.name for s in plant.x)
+    return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it reads "
+            f"{outputs}, answers with guaranteed bounds on {states}, and raises an alarm only when the measurements "
+            "cannot be explained without a fault.")
+
+
+def _complaints(design, real: str, o: Outcome) -> list[str]:
+    name, out = f"“{o.scenario.name}”", []
+    if o.differences:
+        out.append(f"in {name} the compiled C differs from the reference in {words.listed(o.differences)}")
+    if o.lost:
+        out.append(f"in {name} a state was outside its bounds at {words.count(o.lost, 'sample')}")
+    if o.false_alarms:
+        out.append(f"in {name} there were {words.count(o.false_alarms, 'false alarm')}")
+    late = [e for e in o.episodes if not outcome_words.kept(design, real, o, e)]
+    if late:
+        out.append(f"in {name} {words.count(len(late), 'fault')} promised to be found in time went unseen")
+    return out
+
+
+def _figures(design, real: str, record: dict, outcomes: list[Outcome]) -> tuple[Fact, ...]:
+    """The tiles: scenarios passed, surely detected faults, cost."""
+    passed = sum(o.passed for o in outcomes)
+    figures = [Fact("scenarios passed", f"{passed} of {len(outcomes)}")] if outcomes else []
+    for fault in design.detection[real]:
+        by_delay = fault["by_delay"]
+        if by_delay[-1] is None:
+            figures.append(Fact(f"{fault['channel']}: no fault surely detected", "none"))
+            continue
+        when = words.within(by_delay.index(by_delay[-1]), design.plant.sample_period)
+        size = words.quantity(words.at_most(by_delay[-1]), fault["unit"])
+        figures.append(Fact(f"smallest surely detected {fault['channel']} fault, {when}", size))
+    return (*figures, *firmware_words.tiles(record))

@@ -1,0 +1,71 @@
+"""Designs and compiled observers of the gallery, made once per session and shared by all xdist workers."""
+
+import fcntl
+import os
+from pathlib import Path
+
+import pytest
+
+from codegen import read_design
+from codegen.emit.package import generate
+from codegen.host.build import build
+from codegen.plant.load import load, loads
+from codegen.select import choose
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+class Workshop:
+    """Makes a design once, keeps it as design.json, and compiles it once per process."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.designs, self.drivers = {}, {}
+
+    def once(self, key: str, make):
+        """The design of a key; ``make`` runs in one process only, the others wait and read its file."""
+        if key not in self.designs:
+            path = self.folder / f"{key}.json"
+            with open(self.folder / f"{key}.lock", "w") as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX)
+                if not path.exists():
+                    make().save(path)
+            self.designs[key] = read_design(path)
+        return self.designs[key]
+
+    def gallery(self, plant: str, method: str):
+        """Design of a gallery plant: the committed one where there is one."""
+        committed = ROOT / "generated" / f"{plant}_{method}" / "design.json"
+        if committed.exists():
+            if (plant, method) not in self.designs:
+                self.designs[plant, method] = read_design(committed)
+            return self.designs[plant, method]
+
+        def make():
+            p = load(plant)
+            return choose(p, method, p.options, lambda text: None)
+
+        return self.once(f"{plant}_{method}", make)
+
+    def text(self, key: str, toml: str, method: str, **options):
+        """Design of a plant given as TOML text."""
+        def make():
+            p = loads(toml, key)
+            return choose(p, method, {**p.options, **options}, lambda text: None)
+
+        return self.once(f"{key}_{method}", make)
+
+    def driver(self, design, real: str = "float32"):
+        """The compiled C of a design."""
+        if (design.digest, real) not in self.drivers:
+            name = f"{design.digest[:16]}_{real}_{os.getpid()}"
+            self.drivers[design.digest, real] = build(generate(design, self.folder / name, real=real))
+        return self.drivers[design.digest, real]
+
+
+@pytest.fixture(scope="session")
+def workshop(tmp_path_factory) -> Workshop:
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base) / "designs"
+    folder.mkdir(exist_ok=True)
+    return Workshop(folder)

@@ -1,0 +1,99 @@
+"""The exact error model behind the levels, against brute force over all corners."""
+
+from itertools import product as every
+
+import numpy as np
+import pytest
+from exact import Q
+from flint import fmpq
+from small_plants import LOPSIDED
+
+from codegen.certify.claims import check, prove
+from codegen.certify.containment import Containment
+from codegen.certify.error_model import ErrorModel
+from codegen.certify.freeze import freeze
+from codegen.errors import CertificateError
+from codegen.observers import FramerTables
+from codegen.plant.load import loads
+from codegen.select import limits
+
+FAR = LOPSIDED.replace("DIRECT", "").replace("[0, 3]", "[10, 11]").replace("[1, 2]", "[-5, -4]")
+
+
+def error_cases(workshop):
+    for name in (("zammali_fd", "interval"), ("press", "tnl-interval")):
+        design = workshop.gallery(*name)
+        yield design.plant, design.observer.tables["float32"]
+    plant = loads(FAR, "far")  # noise that stays far from zero, gains of either sign
+    for sign in (1, -1):
+        L = sign * np.array([[[0.3, 0.1], [0.2, 0.25]]] * 2)
+        yield plant, freeze(FramerTables, plant.modes, limits(plant),
+                            {"L_hi": L, "L_lo": L, "N_hi": 0.2 * L, "N_lo": 0.2 * L}, "float32")
+
+
+def test_push_and_theta_cover_every_corner(workshop):
+    """b in [0, push] and |d| <= theta at every corner of w, v, v+ in every pair of modes.
+
+    Before, theta took the largest signed slack only: too small for a noise that never comes near zero.
+    """
+    for plant, t in error_cases(workshop):
+        model = ErrorModel(plant.modes, t)
+        theta2 = float(model.theta2)
+        for q, m in enumerate(plant.modes):
+            for after in plant.modes:
+                w = np.array(list(every(*zip(m.w_lo, m.w_hi))))
+                v, v_next = (np.array(list(every(*zip(a.v_lo, a.v_hi)))) for a in (m, after))
+                for side, sign in (("hi", 1), ("lo", -1)):
+                    L, N, d = (np.asarray(getattr(t, k + side)[q], dtype=float) for k in ("L_", "N_", "d_"))
+                    T = np.eye(plant.n_x) - N @ m.C
+                    slack = sign * (d - (w @ m.Bw.T) @ T.T)
+                    a, c = v @ m.Dv.T, v_next @ after.Dv.T
+                    b = (slack[:, None, None] + sign * (a @ L.T)[None, :, None] + sign * (c @ N.T)[None, None, :])
+                    push = np.array([float(x) for x in model.push[side][q]])
+                    assert np.all(b >= 0) and np.all(b <= push)
+                    d2 = (np.sum(slack**2, 1)[:, None, None] + np.sum(a**2, 1)[None, :, None]
+                          + (np.sum(c**2, 1)[None, None, :] if np.any(N) else 0))
+                    assert np.max(d2) <= theta2
+
+
+def test_a_state_that_nothing_damps_has_no_ultimate_box():
+    """x+ = x, no disturbance, not seen by the output: push is 0, and the box 0 would claim that it is known.
+
+    M z + push <= z alone accepts z = 0 there; the box must also bring errors in, M z < z.
+    """
+    text = """
+format = 1
+name = "stuck"
+title = "A constant that nobody sees"
+source = "own example"
+time = { kind = "discrete", sample_period = 1 }
+[signals]
+x = [{ name = "a", range = [-1, 1] }, { name = "b", range = [-1, 1] }]
+y = [{ name = "y", range = [-2, 2] }]
+[initial]
+x_lo = [-1, -1]
+x_hi = [1, 1]
+[[mode]]
+name = "only"
+A = [[0.5, 0], [0, 1]]
+C = [[1, 0]]
+"""
+    plant = loads(text, "stuck")
+    zero = np.zeros((1, 2, 1))
+    gains = dict.fromkeys(("L_hi", "L_lo", "N_hi", "N_lo"), zero)
+    t = freeze(FramerTables, plant.modes, limits(plant), gains, "float32")
+    assert all(x == 0 for x in ErrorModel(plant.modes, t).push["hi"][0][1:])
+    cert = prove(plant.modes, t, {"kind": "none"})
+    assert cert["steady_box"] is None
+    with pytest.raises(CertificateError, match="the error box is left"):
+        check(plant.modes, t, {**cert, "steady_box": {"hi": [1.0, 0.0], "lo": [1.0, 0.0]}})
+
+
+def test_physical_input_may_exceed_the_rounded_limit():
+    """0.7 rounds down in float32: what multiplies the true u must be bounded by 0.7, not by the table's limit."""
+    plant = loads(LOPSIDED.replace("DIRECT", "").replace("range = [-5, 7]", "range = [-0.7, 0.7]"), "limit")
+    L = np.full((2, 2, 2), 0.1)
+    t = freeze(FramerTables, plant.modes, limits(plant), {"L_hi": L, "L_lo": L, "N_hi": L, "N_lo": L}, "float32")
+    exact = Containment(plant.modes, t)
+    assert Q(t.u_hi[0]) < Q(0.7) <= exact.u_true[0]
+    assert exact.u_true[0] - exact.u_max[0] < fmpq(1, 10**7)
