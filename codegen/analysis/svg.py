@@ -83,7 +83,7 @@ def pick(curves: Array, buckets: int) -> Array:
 
     Returns
     -------
-    index : ndarray of int
+    index : ndarray (n,) int
         Ascending; all K where there are at most four samples per bucket.
     """
     steps = len(curves)

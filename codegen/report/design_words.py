@@ -173,7 +173,7 @@ def _detection(design, real: str) -> tuple[Table, ...]:
     """Thresholds per channel and delay."""
     faults = design.detection[real]
     if not faults:
-        return ()
+        return (table("Smallest fault that is surely detected", ("fault",), [("the plant file declares none",)]),)
     period = design.plant.sample_period
     longest = max(len(f["by_delay"]) for f in faults)
     head = ["fault", "declared range", *(f"#{words.within(d, period)}" for d in range(longest))]

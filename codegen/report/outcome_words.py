@@ -148,10 +148,28 @@ def summary(design, outcome: Outcome) -> str:
     if not outcome.episodes:
         return f"{text} No fault, {alarms}."
     faults = words.count(len(outcome.episodes), "fault")
+    return f"{text} {faults}, {_when(outcome, period)}; {alarms}.{_fooled(outcome)}"
+
+
+def _when(outcome: Outcome, period: float) -> str:
+    """How many of the faults were found, and how late."""
     delays = [e.delay for e in outcome.episodes if e.delay is not None]
     if not delays:
-        return f"{text} {faults}, none found; {alarms}."
+        return "none found"
+    many = len(outcome.episodes) > 1
+    some = f"{len(delays)} of them " if len(delays) < len(outcome.episodes) else "all " if many else ""
     first, last = words.delay(min(delays), period), words.delay(max(delays), period)
-    when = f"between {first} and {last}" if first != last else first if min(delays) == 0 else f"after {first}"
-    some = f"{len(delays)} of them " if len(delays) < len(outcome.episodes) else "all " if len(delays) > 1 else ""
-    return f"{text} {faults}, {some}found {when} of onset; {alarms}.".replace("(same sample) of onset", "(same sample)")
+    if first != last:
+        return f"{some}found, the delays from {first} to {last}"
+    return f"{some}found {first}" if max(delays) == 0 else f"{some}found after {first}"
+
+
+def _fooled(outcome: Outcome) -> str:
+    """Tell of samples at which an unseen fault made the firmware sure of wrong bounds."""
+    o, fault = outcome, np.any(outcome.truth.f != 0, axis=1)
+    outside = np.any((o.truth.x > o.trace.x_hi) | (o.truth.x < o.trace.x_lo), axis=1)
+    n = int(np.sum(fault & outside & o.trace.assured))
+    if n == 0:
+        return ""
+    return (f" While the fault acted, a state was outside bounds called “assured” at {words.count(n, 'sample')}: the "
+            "fault was no longer, or not yet, visible in the measurements.")

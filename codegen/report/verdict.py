@@ -52,7 +52,7 @@ def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict
         parts.insert(1, f"no true state outside its bounds ({words.count(len(simulated), 'simulated scenario')})")
     text = f"In {words.count(len(outcomes), 'scenario')} with {words.count(samples, 'sample')}: {words.listed(parts)}."
     if injected:
-        text += f" {len(found)} of {words.count(injected, 'fault')} found, each one that was promised in time."
+        text += f" {len(found)} of {words.count(injected, 'fault')} found; none was later than promised."
     return Verdict("ok", "Validation passed", purpose(design), text, figures)
 
 

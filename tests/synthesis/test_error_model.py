@@ -27,8 +27,9 @@ def error_cases(workshop):
     plant = loads(FAR, "far")  # noise that stays far from zero, gains of either sign
     for sign in (1, -1):
         L = sign * np.array([[[0.3, 0.1], [0.2, 0.25]]] * 2)
-        yield plant, freeze(FramerTables, plant.modes, limits(plant),
-                            {"L_hi": L, "L_lo": L, "N_hi": 0.2 * L, "N_lo": 0.2 * L}, "float32")
+        for low in (L, -L):  # with -L the noise pulls both framers inward
+            gains = {"L_hi": L, "L_lo": low, "N_hi": 0.2 * L, "N_lo": 0.2 * low}
+            yield plant, freeze(FramerTables, plant.modes, limits(plant), gains, "float32")
 
 
 def test_push_and_theta_cover_every_corner(workshop):
@@ -97,3 +98,40 @@ def test_physical_input_may_exceed_the_rounded_limit():
     exact = Containment(plant.modes, t)
     assert Q(t.u_hi[0]) < Q(0.7) <= exact.u_true[0]
     assert exact.u_true[0] - exact.u_max[0] < fmpq(1, 10**7)
+
+
+def test_margins_cover_what_the_caller_rounds():
+    """With dyadic constants and nothing unknown only the rounding of u and y by the caller is left, all of it."""
+    text = """
+format = 1
+name = "dyadic"
+title = "Every constant is exact"
+source = "own example"
+time = { kind = "discrete", sample_period = 1 }
+[signals]
+x = [{ name = "a", range = [-8, 8] }, { name = "b", range = [-8, 8] }]
+u = [{ name = "u", range = [-4, 4] }]
+y = [{ name = "y", range = [-16, 16] }]
+[initial]
+x_lo = [0, 0]
+x_hi = [0, 0]
+[[mode]]
+name = "only"
+A = [[0.5, 0.25], [0.25, 0.5]]
+B = [[1], [-0.5]]
+C = [[1, 0.5]]
+D = [[0.5]]
+"""
+    plant = loads(text, "dyadic")
+    L, N, half_ulp = np.array([[[0.25], [0.125]]]), np.array([[[0.125], [-0.25]]]), fmpq(1, 2**24)
+    t = freeze(FramerTables, plant.modes, limits(plant), {"L_hi": L, "L_lo": L, "N_hi": N, "N_lo": N}, "float32")
+    exact = Containment(plant.modes, t)
+    assert not np.any(exact.leftover(0, "hi")[1]) and not np.any(exact.leftover(0, "hi")[2])
+    for side in ("hi", "lo"):
+        for i, demand in enumerate(exact.update(0, side)):
+            by_y = (abs(Q(L[0, i, 0])) + abs(Q(N[0, i, 0]))) * 16 * half_ulp
+            by_u = abs(Q(t.G_hi[0, i, 0])) * 4 * half_ulp
+            assert 0 <= demand.need - by_y - by_u < fmpq(1, 2**100)
+        for i, demand in enumerate(exact.blind(0, side)):
+            assert 0 <= demand.need - abs(Q(t.B[0, i, 0])) * 4 * half_ulp < fmpq(1, 2**100)
+        assert 0 <= exact.output(0, side)[0].need - (16 + fmpq(1, 2) * 4) * half_ulp < fmpq(1, 2**100)

@@ -145,7 +145,7 @@ def test_a_record_with_many_faults(tmp_path):
     page = Page(html)
     assert len(outcome.episodes) == 12 and "All 12 faults one by one" in page.text
     assert page.text.count("nothing: no step") == 12  # the label of the first sample is the share of its period
-    assert "all found after 2 samples (10 ms) of onset" in page.text
+    assert "all found after 2 samples (10 ms);" in page.text
     assert "A record has no true state to compare with" in page.text and "not known" in page.text
     assert 'aria-label="First fault of scenario pulses"' in html
     assert "not at any size" in page.text  # the actuator fault needs a sample to be seen
@@ -186,6 +186,13 @@ def test_nothing_is_promised_outside_the_assumptions(cart, change, reason):
                     trace=replace(outcome.trace, r_lo=r_lo))
     limit, why = outcome_words.promise(cart, "float32", moved, Episode("encoder", start, e.stop, 0.1, None))
     assert limit is None and reason in why
+
+
+def test_wrong_bounds_that_were_called_assured_are_owned_up_to(cart, cart_page):
+    o = outcomes_of(cart)[1]
+    outside = np.any((o.truth.x > o.trace.x_hi) | (o.truth.x < o.trace.x_lo), axis=1)
+    n = int(np.sum(outside & o.trace.assured))
+    assert n > 0 and f"outside bounds called “assured” at {n} samples" in Page(cart_page).text
 
 
 def test_text_of_the_plant_file_is_escaped(cart, tmp_path):
@@ -250,3 +257,14 @@ def test_stretches_are_found_and_never_lost():
     for start, stop in svg.stretches(on, longest=100):
         covered[start:stop] = True
     assert np.all(covered[on])
+
+
+def test_templates_decide_nothing():
+    folder = Path(__file__).parents[2] / "templates" / "report"
+    for path in folder.glob("*.jinja"):
+        text = re.sub(r"{#.*?#}", "", path.read_text(), flags=re.S)
+        for statement in re.findall(r"{%-?(.*?)-?%}", text):
+            assert statement.split()[0] in {"for", "endfor", "extends", "import", "block", "endblock", "macro",
+                                            "endmacro"}
+        for printed in re.findall(r"{{(.*?)}}", text):
+            assert re.fullmatch(r" ?[a-z_.]+(\([a-z_.]+\))? ?", printed), printed
