@@ -125,7 +125,7 @@ def design(plant, out, method, real):
 @layout_option
 def generate(design_json, out, real, layout):
     """Print the C of a design; the same bytes every time."""
-    from .design import read_checked
+    from .designs import read_checked
     from .emit.package import generate as emit
 
     click.echo(f"wrote {emit(read_checked(design_json), out, real=real, layout=layout)}")
@@ -138,25 +138,26 @@ def generate(design_json, out, real, layout):
 def validate(folder, names, seed):
     """Compile, drive every scenario, compare with the reference, check the promises."""
     from .analysis.validate import validate as drive
-    from .design import read_checked
+    from .designs import read_checked
     from .host.build import build
     from .pipeline import require
 
     made = read_checked(folder)
     with Progress() as progress:
         progress("compiling")
-        outcomes = drive(made, build(folder), list(names), seed, progress)
+        driver = build(folder)
+        outcomes = drive(made, driver, list(names), seed, progress)
     show.outcomes(made, outcomes)
     if not outcomes:
         raise ValidationError(f"{folder}: the plant file has no scenario, expected at least one. Add a [[scenario]].")
-    require(outcomes)
+    require(made, driver.real, outcomes)
 
 
 @main.command(context_settings=HELP)
 @click.argument("design_json", type=click.Path(path_type=Path))
 def certify(design_json):
     """Re-check the certificate in exact arithmetic, trusting nothing of the solver."""
-    from .design import read_design, recheck
+    from .designs import read_design, recheck
 
     made = read_design(design_json)
     show.proved(made, recheck(made))
@@ -169,7 +170,7 @@ def certify(design_json):
 def replay(folder, log, out):
     """Run the compiled observer over a recorded log (CSV, MDF4)."""
     from .analysis.replay import replay as run_log
-    from .design import read_checked
+    from .designs import read_checked
     from .host.build import build
 
     made = read_checked(folder)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .analysis.validate import Outcome, validate
-from .design import Design
+from .designs import Design
 from .errors import EmitError, ResiduaError, ValidationError
 from .plant.load import load
 from .plant.model import Plant
@@ -104,7 +104,7 @@ def run(plant, out=None, method: str | None = None, real: str | None = None, lay
         outcomes = validate(made, driver, progress=progress)
         progress("writing the report")
         write_report(folder, made, driver, outcomes)
-        require(outcomes)
+        require(made, driver.real, outcomes)
         publish(folder, final)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
@@ -126,14 +126,21 @@ def staging(final: Path) -> Path:
         raise EmitError(f"{final}: {error.strerror or error}. Choose a folder that can be written.") from error
 
 
-def require(outcomes: list[Outcome]) -> None:
-    """Raise where the compiled C broke a promise.
+def require(made: Design, real: str, outcomes: list[Outcome]) -> None:
+    """Raise where the compiled C broke a promise: equality, containment, no false alarm, surely detected faults.
 
     Raises
     ------
     ValidationError
     """
+    from .report.outcome_words import kept, promise
+
     for o in outcomes:
+        for e in o.episodes:
+            if not kept(made, real, o, e):
+                raise ValidationError(f'scenario "{o.scenario.name}": fault of {e.size:g} on {e.channel} at sample {e.start} '
+                                      f"found after {e.delay} samples, expected at most {promise(made, real, o, e)[0]}. "
+                                      "Do the matrices hold on the real plant?")
         if o.differences:
             raise ValidationError(f'scenario "{o.scenario.name}": C and reference differ in '
                                   f'{", ".join(o.differences)}, expected ==. '

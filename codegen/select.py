@@ -10,9 +10,9 @@ import numpy as np
 from .algebra.dwell import ratio, shortest
 from .analysis.detectability import SureFault, limited, surely_detected
 from .analysis.quick import QuickJudge
-from .certify.claims import check, prove
+from .certify.claims import check, prove, ultimate_width
 from .certify.freeze import freeze
-from .design import Design
+from .designs import Design
 from .errors import CertificateError, DesignError
 from .observers import FAMILIES, FramerTables, Supervision
 from .plant.model import Plant
@@ -46,11 +46,11 @@ class Trial:
 
     def width(self, plant: Plant) -> float:
         """Ultimate guaranteed width, summed over the states in units of their ranges."""
-        if not self.cert.get("steady_box"):
+        box = ultimate_width(self.cert)
+        if box is None:
             return np.inf
-        box = np.array(self.cert["steady_box"]["hi"]) + np.array(self.cert["steady_box"]["lo"])
         lo, hi = plant.limits("x")
-        return float(np.sum(box / np.maximum(hi - lo, 1e-300)))
+        return float(np.sum(np.array(box) / np.maximum(hi - lo, 1e-300)))
 
     def summary(self, plant: Plant) -> dict:
         """Row of the report's table of what was tried."""

@@ -6,7 +6,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from codegen.design import read_checked
+from codegen.designs import read_checked
 from codegen.emit.package import generate
 from codegen.pipeline import design
 from codegen.plant.load import load
@@ -31,7 +31,7 @@ def main() -> None:
             whole = generate(made, Path(scratch) / "out")
             folder.mkdir(exist_ok=True)
             for path in whole.iterdir():
-                if path.name.endswith(KEEP) and not path.name.startswith("test_"):
+                if path.name.endswith(KEEP):
                     (folder / path.name).write_bytes(path.read_bytes())
 
 

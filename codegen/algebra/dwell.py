@@ -1,7 +1,7 @@
 """Average dwell time: how slow switching must be, in numbers an integer monitor can hold.
 
 A mode signal has average dwell time tau with chatter bound N0 when every stretch of s samples holds at
-most N0 + s/tau switches (seed 000, Definition 9). If V shrinks by (1 - lam) per sample and grows by rho
+most N0 + s/tau switches (Zammali (2020), Definition 9). If V shrinks by (1 - lam) per sample and grows by rho
 at a switch, any tau with ``(1 - lam) rho^(1/tau) < 1`` keeps it bounded (Lemma 8); one switch per
 sample, tau = 1, is arbitrary switching.
 """
@@ -43,7 +43,7 @@ def ratio(tau: float, limit: int = 64) -> tuple[int, int]:
 def switching_factor(rho: float, lam: float, tau: float, chatter: float) -> float:
     """Factor on c^2 in ``V <= factor * c^2`` for V+ <= (1 - lam) V + c^2 under dwell time tau.
 
-    ``rho^(N0 + 1/tau) / (1 - (1 - lam) rho^(1/tau))``; the seed's one-mode value is 1/lam. Derived by
+    ``rho^(N0 + 1/tau) / (1 - (1 - lam) rho^(1/tau))``; the one-mode value of Zammali (2020) is 1/lam. Derived by
     counting jumps (see certify.dwell for the exact check).
     """
     s = (1.0 - lam) * rho ** (1.0 / tau)

@@ -18,7 +18,7 @@ def neg(A: Array) -> Array:
 
 
 def sup(A: Array, lo: Array, hi: Array) -> Array:
-    """Largest value of ``A @ x`` over the box lo <= x <= hi, row by row (Lemma 6 of seed 000)."""
+    """Largest value of ``A @ x`` over the box lo <= x <= hi, row by row (Lemma 6 of Zammali (2020))."""
     return pos(A) @ hi - neg(A) @ lo
 
 

@@ -67,8 +67,8 @@ def prove(modes, t, proof: dict) -> dict:
         cert["level"] = up(_root(level["error_bound2"]))
     elif proof["kind"] == "width":
         cert["level"] = up(check_width(model, cert, names)["width_bound"])
-    boxes = {s: model.steady_box(s) for s in SIDES}
-    cert["steady_box"] = None if any(b is None for b in boxes.values()) else {s: boxes[s].tolist() for s in SIDES}
+    boxes = {s: model.steady_box(s) for s in model.push}
+    cert["steady_box"] = None if any(b is None for b in boxes.values()) else {s: b.tolist() for s, b in boxes.items()}
     if proof["kind"] == "box" and cert["steady_box"] is None:
         raise CertificateError("certificate: no box holds the framer errors of all modes on the rounded constants. "
                                'Try criterion = "linf" with lyapunov = "multiple" and a dwell time.')
@@ -106,11 +106,16 @@ def check(modes, t, cert: dict) -> list[str]:
     elif cert["kind"] not in ("box", "none"):
         raise CertificateError(f"certificate: kind {cert['kind']!r} (found), expected linf, width, box or none.")
     if cert.get("steady_box"):
-        z = cert["steady_box"]
-        check_box(model, {"z_" + s: z[s] for s in SIDES}, names)
-        width = ", ".join(f"{a + b:.4g}" for a, b in zip(z["hi"], z["lo"]))
+        check_box(model, cert["steady_box"], names)
+        width = ", ".join(f"{x:.4g}" for x in ultimate_width(cert))
         claims.append(f"Ultimate width of each state at most [{width}], for arbitrary switching")
     return claims
+
+
+def ultimate_width(cert: dict) -> list[float] | None:
+    """Proved bound on the width of each state once settled, for arbitrary switching; None where there is none."""
+    z = cert.get("steady_box")
+    return z and z.get("width", [a + b for a, b in zip(z["hi"], z["lo"])])
 
 
 def check_ranges(limits: dict, t) -> None:

@@ -9,7 +9,7 @@ value of everything after the first four terms, plus what the caller's rounding 
 rounding can take away. The identities T + N C = I and M = T A - L C therefore need not hold on rounded
 constants: what is left over is counted here, as |left over| times the bound on |x| or |u|.
 
-The worst case of the noise is taken with its true sign. The printed (5.2), (5.23) of seed 000 use
+The worst case of the noise is taken with its true sign. The printed (5.2), (5.23) of Zammali (2020) use
 ``pos(L Dv) v_hi - neg(L Dv) v_lo``, which is right only for v_lo = -v_hi; the error equation needs -L Dv v.
 """
 
@@ -44,8 +44,11 @@ class Demand:
 
     def shortfall(self, offset: fmpq, real: str) -> fmpq:
         """How much the (outward) offset lacks; <= 0 means it suffices."""
-        error, _ = sum_error([*self.before, (fmpq(1), offset), *self.after], real)
-        return self.need + error - offset
+        return self.need + self.rounding(offset, real) - offset
+
+    def rounding(self, offset: fmpq, real: str) -> fmpq:
+        """Largest rounding error of the sum with this offset."""
+        return sum_error([*self.before, (fmpq(1), offset), *self.after], real)[0]
 
     def magnitude(self, offset: fmpq, real: str) -> fmpq:
         """Bound on the magnitude of the computed sum."""

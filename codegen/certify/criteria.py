@@ -17,7 +17,7 @@ Array = np.ndarray
 
 
 def lyapunov_block(M, L, N, P, lam, mu) -> Array:
-    """The matrix of (5.11)/(5.39) of seed 000, one framer, sign reversed: positive definite when it holds.
+    """The matrix of (5.11)/(5.39) of Zammali (2020), one framer, sign reversed: positive definite when it holds.
 
     ``[[(1-lam) P, 0, (P M)'], [0, mu I, (P H)'], [P M, P H, P]]`` with H = [I, L, N] acting on
     [offset slack; Dv v; Dv v+] (classical: N left out). Rational object arrays throughout.
@@ -74,7 +74,7 @@ def check_linf(model, t, proof: dict, names: list[str]) -> dict:
 
 
 def check_width(model, proof: dict, names: list[str]) -> dict:
-    """Linear copositive function: p' M_q <= (1 - a) p' for all modes, so p' W shrinks to 2 t / a.
+    """Linear copositive function: p' M_q <= (1 - a) p' for all modes, so p' W shrinks to its push / a.
 
     Returns
     -------
@@ -86,29 +86,33 @@ def check_width(model, proof: dict, names: list[str]) -> dict:
         raise CertificateError("certificate: the copositive function needs p > 0 and 0 < a < 1.")
     level = fmpq(0)
     for q, name in enumerate(names):
+        # With equal gains the width has a recursion of its own; else it is the sum of both errors.
         push = fmpq(0)
-        for side in ("hi", "lo"):
+        for side in ("width",) if "width" in model.push else ("hi", "lo"):
             decay = p @ model.M[side][q]
             for j, x in enumerate(decay):
                 if x > (1 - a) * p[j]:
                     raise CertificateError(
                         f'certificate: p\' M <= (1 - a) p\' fails in mode "{name}", state {j}, by '
-                        f"{float(x - (1 - a) * p[j]):.3g} ({side} framer). Try a smaller a.")
+                        f"{float(x - (1 - a) * p[j]):.3g} ({side}). Try a smaller a.")
             push += p @ model.push[side][q]
         level = max(level, push / a)
     return {"width_bound": level}
 
 
 def check_box(model, proof: dict, names: list[str]) -> dict:
-    """Box [0, z]: M_q z + push_q <= z for all modes, so errors that have entered it never leave."""
-    for side in ("hi", "lo"):
-        z = rational(np.array(proof["z_" + side]))
+    """Box [0, z]: M_q z + push_q <= z for all modes, so errors (and width) that have entered it never leave.
+
+    ``proof`` has one z per side: "hi", "lo", and with equal gains "width".
+    """
+    for side in model.push:
+        z = rational(np.array(proof[side]))
         bad = model.box_violation(z, side)
         if bad is not None:
             q, i, excess = bad
             raise CertificateError(
                 f'certificate: the error box is left in mode "{names[q]}" at state {i} by {float(excess):.3g} '
-                f"({side} framer). Try a larger box.")
+                f"({side}). Try a larger box.")
     return {}
 
 

@@ -3,6 +3,9 @@
 With e_hi = x_hi - x and e_lo = x - x_lo both errors obey ``e+ = M e + b`` where b lies in [0, ``push``]:
 offset, disturbance and noise at their least favourable, and the rounding margin once more, because the
 computed framer may also round outward.
+
+With equal gains the width W = e_hi + e_lo obeys ``W+ = M W + (d_hi - d_lo)`` up to rounding, whatever happens to
+the plant: the same recursion with its own push, and half the bound that adding both errors would give.
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ class ErrorModel:
     M : dict
         side -> list over modes of rational (n_x, n_x).
     push : dict
-        side -> list over modes of rational (n_x,): largest b.
+        side -> list over modes of rational (n_x,): largest b. With equal gains also "width".
     theta2 : fmpq
         Largest squared norm of the stacked disturbance [b without noise; Dv v; Dv v+] over all modes.
     """
@@ -51,6 +54,19 @@ class ErrorModel:
                 self.push[side].append(push)
                 theta2 = sum((s * s for s in slack), fmpq(0)) + noise2[q] + (max(noise2) if tnl else 0)
                 self.theta2 = max(self.theta2, theta2)
+
+        if t.shared:
+            self.M["width"] = self.M["hi"]
+            self.push["width"] = [self._spread(exact, q) for q in range(len(modes))]
+
+    def _spread(self, exact, q: int) -> Array:
+        """Largest growth of the width in one sample: d_hi - d_lo, and the rounding of both sums."""
+        out = [Q(a) - Q(b) for a, b in zip(self.t.d_hi[q], self.t.d_lo[q])]
+        for side, sign in (("hi", 1), ("lo", -1)):
+            offsets = getattr(self.t, "d_" + side)[q]
+            for i, demand in enumerate(exact.update(q, side)):
+                out[i] += demand.rounding(sign * Q(offsets[i]), self.t.real)
+        return np.array(out, dtype=object)
 
     def _slack(self, exact, q, p, side, sign):
         """Return b without its noise terms, and b: elementwise maxima."""

@@ -194,7 +194,8 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         recover=max(s.recover, 1), hold=s.hold,
         dwell=(Dwell(f"{s.dwell_add}U", f"{s.dwell_drain}U", f"{s.dwell_limit}U"),) if s.monitors_dwell else (),
         remember=("s->mode = in->mode;",) if fields.has_mode else (),
-        undisturbed="(s->hold == 0U) && (s->too_fast == 0U)" if s.monitors_dwell else "s->hold == 0U")
+        undisturbed=" && ".join(["(s->hold == 0U)", *["(s->latched == 0U)"] * s.latch,
+                                 *["(s->too_fast == 0U)"] * s.monitors_dwell]))
 
 
 def _check_choice(what: str, value: str, known) -> None:

@@ -5,7 +5,7 @@ At sample k, from the framers predicted for it::
     1  r = C x + D u + Dv v - y over the box      residual bounds, alarms
     2  x+ = M x + G u + L y + d                   framers for sample k+1, M = A - L C >= 0
 
-Source: seed 000, Theorem 13, (5.2), with the noise signs of asymmetric bounds corrected (see
+Source: Zammali (2020), Theorem 13, (5.2), with the noise signs of asymmetric bounds corrected (see
 ``synthesis``). The state of the firmware is the pair of framers and the supervisor's counters.
 """
 
@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from .framer import FramerTables, open_loop, propagate, residuals
-from .supervisor import BAD_INPUT, BAD_MODE, BAD_OUTPUT, OK, Supervision, SupervisorState, judge, watch_dwell
+from .supervisor import BAD_INPUT, BAD_MODE, BAD_OUTPUT, OK, Supervision, SupervisorState, judge, undisturbed, watch_dwell
 from .trace import Trace
 
 Array = np.ndarray
@@ -72,7 +72,7 @@ class IntervalObserver:
             raw = np.concatenate([raw, (lo > hi).any(axis=1)[:, None]], axis=1)
         watch_dwell(self.supervision, self.guard, on, q, t.M_hi.shape[0])
         alarm, again, assured = judge(self.supervision, self.guard, on & measured, raw)
-        blind = (self.guard.hold == 0) & ~self.guard.too_fast
+        blind = undisturbed(self.supervision, self.guard)
         again = again & measured
         self._leave(t, on, measured, again, lo, hi, u, y, q)
         seen = on & measured

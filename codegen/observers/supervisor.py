@@ -1,8 +1,11 @@
 """What surrounds the recursion: input checks, alarms with debounce and latch, recovery, dwell time.
 
 All of it is integer arithmetic and comparisons, the same in every family. ``assured`` says whether the
-guarantee is in force at this very sample: no alarm now, the hold time since the last one over, and the
-switching so far as slow as the certificate asks.
+guarantee is in force at this very sample: no alarm now, the hold time since the last one over, no alarm
+latched, and the switching so far as slow as the certificate asks. A fault that goes on may be absorbed by
+framers that restarted within it, so that it shows no longer: a latched alarm therefore keeps ``assured``
+down until it is acknowledged. Without the latch the hold time alone decides, and rests on the fault being
+over by then.
 """
 
 from __future__ import annotations
@@ -116,4 +119,10 @@ def judge(s: Supervision, st: SupervisorState, on: Array, raw: Array):
     st.latched = np.where(on[:, None], latched, st.latched)
     st.run = np.where(on, run, st.run)
     st.hold = np.where(on, hold, st.hold)
-    return alarm, again, ~fault & (st.hold == 0) & ~st.too_fast
+    return alarm, again, ~fault & undisturbed(s, st)
+
+
+def undisturbed(s: Supervision, st: SupervisorState) -> Array:
+    """Whether nothing from earlier samples breaks the guarantee: hold time, latched alarms, switching."""
+    kept = st.latched.any(axis=1) if s.latch else False
+    return (st.hold == 0) & ~st.too_fast & ~np.asarray(kept)

@@ -6,7 +6,7 @@ At sample k, from the framers, input, output and mode p of sample k-1::
     2  r = C x + Dv v - y over the box                 residual bounds, alarms
     3  keep x, u, y, mode
 
-Source: seed 000, Theorem 15, (5.23). The printed ``x_k = xi_k + N_q y_k`` must use the N of the mode that
+Source: Zammali (2020), Theorem 15, (5.23). The printed ``x_k = xi_k + N_q y_k`` must use the N of the mode that
 produced xi_k, i.e. of sample k-1, which is why the firmware keeps its last mode. Keeping u and y too (the
 printed form keeps xi instead) costs n_u + n_y words and lets a missing measurement be bridged by an
 open-loop prediction: x_k could not be recovered from xi_k without y_k.

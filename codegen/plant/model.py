@@ -47,8 +47,10 @@ class Mode:
     Parameters
     ----------
     name : str
-    A, B, C, D, Bw, Dv, Bf, Df : ndarray
-        Shapes (n_x, n_x), (n_x, n_u), (n_y, n_x), (n_y, n_u), (n_x, n_w), (n_y, n_v), (n_x, n_f), (n_y, n_f).
+    A : ndarray (n_x, n_x), B : ndarray (n_x, n_u)
+    C : ndarray (n_y, n_x), D : ndarray (n_y, n_u)
+    Bw : ndarray (n_x, n_w), Dv : ndarray (n_y, n_v)
+    Bf : ndarray (n_x, n_f), Df : ndarray (n_y, n_f)
     w_lo, w_hi : ndarray (n_w,)
         Disturbance bounds in this mode; need not be symmetric.
     v_lo, v_hi : ndarray (n_v,)
@@ -85,7 +87,7 @@ class Switching:
         Average dwell time in seconds (None: arbitrary switching). A ``minimum_dwell`` of the file is
         the case ``chatter = 1``.
     chatter : float
-        Chatter bound N0 >= 1 of Definition 9 (seed 000).
+        Chatter bound N0 >= 1 of Definition 9 (Zammali (2020)).
     """
 
     known: bool = True

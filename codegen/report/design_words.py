@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..analysis.detectability import limited, ultimate_errors
+from ..certify.claims import ultimate_width
 from . import words
 from .plant_words import reach
 from .table import Cell, Fact, Folded, Row, Table, table
@@ -115,7 +116,10 @@ def _choice(design) -> tuple[Table, tuple[Folded, ...]]:
 
 def settled_width(design, real: str) -> np.ndarray | None:
     """Guaranteed width of each state once the framers have settled; None where none is proved."""
-    errors = ultimate_errors(design.certificate[real])
+    cert = design.certificate[real]
+    width, errors = ultimate_width(cert), ultimate_errors(cert)
+    if width is not None:
+        return np.array(width)
     return None if errors is None else errors[0] + errors[1]
 
 

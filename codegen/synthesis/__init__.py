@@ -33,9 +33,9 @@ class Method:
 
 METHODS = {
     "interval": Method(("discrete switched",), "interval", "classical fault-detection interval observer",
-                       "seed 000, Theorems 13, 14, 17", interval),
+                       "Zammali (2020), Theorems 13, 14, 17", interval),
     "tnl-interval": Method(("discrete switched",), "tnl", "interval observer with T, N, L structure",
-                           "seed 000, Theorems 15, 16, 18", tnl_interval),
+                           "Zammali (2020), Theorems 15, 16, 18", tnl_interval),
 }
 
 __all__ = ["METHODS", "Method", "check_options"]

@@ -1,4 +1,4 @@
-"""Detection design of an interval observer: the box that makes the surely detected fault smallest (dossier 3.8).
+"""Detection design of an interval observer: the box that makes the surely detected fault smallest.
 
 A narrow residual is not a sensitive one: a gain N near C^-1 makes the interval thin and swallows the sensor
 fault with it. This design looks at the ratio. For a box z > 0 that holds both framer errors for every mode,

@@ -7,7 +7,7 @@ Plant ``x+ = A_q x + B_q u + Bw_q w + Bf_q f``, ``y = C_q x + D_q u + Dv_q v + D
 
 with A_q - L_q C >= 0 elementwise. A fault is proved when y leaves [C x + D u + Dv v] over the box.
 
-Source: seed 000, Theorems 13 (framer), 14 (common P), 17 (P per mode), (5.2). Differences from the print:
+Source: Zammali (2020), Theorems 13 (framer), 14 (common P), 17 (P per mode), (5.2). Differences from the print:
 
 * (5.2) has ``pos(L Dv) v_hi - neg(L Dv) v_lo`` in d_hi; the error equation needs the largest -L Dv v, which
   is another number unless v_lo = -v_hi (measured: 18473 lost samples of 32400 with v in [0, 3]).

@@ -10,7 +10,7 @@ Plant ``x+ = A_q x + B_q u + Bw_q w, y = C x + Dv v``; framer error ``e+ = M_q e
 
 gives ``|e|^2 <= mu |d|^2 / lam`` ultimately (times the switching factor where rho > 1).
 
-Differences from the printed text (seed 000, section 5.3-5.4):
+Differences from the printed text (Zammali (2020), section 5.3-5.4):
 
 * Upper and lower framer are the same problem, so one half is solved (measured difference 2e-6).
 * (5.12) only rescales: normalised to P >= I the printed gamma is sqrt(mu/lam); it and the given scalar

@@ -3,7 +3,7 @@
 Two things can stand in the way. A row of T A - L C cannot be made nonnegative by any L (and N): then one
 entry obstructs, and it can be named. Or it can, but something does not decay: a direction z >= 0 that the
 outputs do not see (C z = 0, with the TNL structure also C A z = 0) passes through T A - L C as A z for every
-gain, so A z >= z forbids stability (dossier 2.5, "structural trap").
+gain, so A z >= z forbids stability.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ Plant ``x+ = A_q x + B_q u + Bw_q w + Bf_q f``, ``y = C x + Dv v + Df f``; with 
 
 and x_lo alike with inf; T A - L C >= 0 elementwise. T, N, L, d are those of the mode of sample k.
 
-Source: seed 000, Theorems 15 (framer), 16 (common P), 18 (P per mode), (5.23). Differences from the print:
+Source: Zammali (2020), Theorems 15 (framer), 16 (common P), 18 (P per mode), (5.23). Differences from the print:
 
 * Noise signs as in method "interval".
 * (5.23) prints x_k = xi_k + N_q y_k with q the current mode; it must be the mode that produced xi_k

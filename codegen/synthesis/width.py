@@ -1,4 +1,4 @@
-"""Width design of an interval observer: a linear program with a copositive function (dossier 2.7, 3.8).
+"""Width design of an interval observer: a linear program with a copositive function.
 
 The errors are nonnegative, so the linear function V = p' e replaces the quadratic one and everything is
 an LP, the injection of noise through the gains included (which the L-infinity LMI does not see)::

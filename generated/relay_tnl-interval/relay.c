@@ -285,7 +285,7 @@ static bool relay_judge(relay_state *s, relay_out *out, uint32_t raw)
     out->raw = raw;
     out->alarm = alarm;
     out->latched = s->latched;
-    out->assured = ((!fault) && ((s->hold == 0U) && (s->too_fast == 0U))) ? 1U : 0U;
+    out->assured = ((!fault) && (s->hold == 0U) && (s->latched == 0U) && (s->too_fast == 0U)) ? 1U : 0U;
     return again;
 }
 
@@ -299,7 +299,7 @@ static void relay_no_residual(const relay_state *s, relay_out *out)
     out->raw = 0U;
     out->alarm = 0U;
     out->latched = s->latched;
-    out->assured = ((s->hold == 0U) && (s->too_fast == 0U)) ? 1U : 0U;
+    out->assured = ((s->hold == 0U) && (s->latched == 0U) && (s->too_fast == 0U)) ? 1U : 0U;
 }
 
 /*

@@ -58,7 +58,7 @@
  * Debounce: every sample outside its bounds is an alarm. Once raised, a bit stays in out->latched until
  * relay_reset. Framers that have met a fault are worthless: they restart from the declared ranges at the
  * first sample within bounds, or after 50 samples outside in a row. assured returns after 5 samples within
- * bounds.
+ * bounds and relay_reset: a fault that goes on may be absorbed by the restarted framers.
  * Dwell time: each sample drains 1 from a bucket, each switch adds 3. Above 3 the switching is faster than
  * the certificate allows: the bounds are no longer assured until the bucket has run empty. That is an
  * average dwell time of 3 samples with chatter bound 1.
@@ -178,7 +178,7 @@ typedef struct {
     uint32_t too_fast;
     /* samples outside bounds in a row, below 50 */
     uint32_t run;
-    /* samples within bounds still to come before assured returns, 0 to 5 */
+    /* samples within bounds still to come before assured may return, 0 to 5 */
     uint32_t hold;
     /* alarm bits as in out->latched */
     uint32_t latched;

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from codegen.design import read_design
+from codegen.designs import read_design
 from codegen.emit.package import files
 
 ROOT = Path(__file__).parents[2]

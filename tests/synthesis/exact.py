@@ -12,7 +12,7 @@ from flint import fmpq, fmpq_mat
 
 #: Gallery plants of the interval families, with the methods under test.
 GALLERY = (("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"), ("cart", "tnl-interval"),
-           ("press", "tnl-interval"), ("emps", "tnl-interval"), ("relay", "interval"))
+           ("press", "tnl-interval"), ("emps", "tnl-interval"), ("relay", "interval"), ("relay", "tnl-interval"))
 
 
 def Q(x) -> fmpq:

@@ -12,7 +12,7 @@ from exact import GALLERY
 from codegen.certify import claims
 from codegen.certify.claims import check, check_monitor, check_ranges, prove
 from codegen.certify.freeze import with_offsets
-from codegen.design import read_design, recheck
+from codegen.designs import read_design, recheck
 from codegen.errors import CertificateError, ResiduaError
 from codegen.plant.load import load
 from codegen.select import limits

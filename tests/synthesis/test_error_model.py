@@ -17,16 +17,42 @@ from codegen.observers import FramerTables
 from codegen.plant.load import loads
 from codegen.select import limits
 
-FAR = LOPSIDED.replace("DIRECT", "").replace("[0, 3]", "[10, 11]").replace("[1, 2]", "[-5, -4]")
+# Noise that stays far from zero; A so large that gains of either sign leave A - L C nonnegative.
+FAR = """
+format = 1
+name = "far"
+title = "Noise that never vanishes"
+source = "own example"
+time = { kind = "discrete", sample_period = 1 }
+[signals]
+x = [{ name = "a", range = [-40, 60] }, { name = "b", range = [-40, 60] }]
+y = [{ name = "y1", range = [-90, 90] }, { name = "y2", range = [-90, 90] }]
+w = [{ name = "w", bounds = [0.1, 0.7] }]
+v = [{ name = "v1", bounds = [10, 11] }, { name = "v2", bounds = [-5, -4] }]
+[initial]
+x_lo = [-1, -2]
+x_hi = [2, 1]
+[common]
+C = [[1, 0], [0, 1]]
+Dv = [[1, 0], [0, -0.3]]
+[[mode]]
+name = "one"
+A = [[0.9, 0.3], [0.2, 0.8]]
+Bw = [[1], [0.4]]
+[[mode]]
+name = "two"
+A = [[0.8, 0.1], [0.3, 0.7]]
+Bw = [[-0.6], [1]]
+"""
 
 
 def error_cases(workshop):
     for name in (("zammali_fd", "interval"), ("press", "tnl-interval")):
         design = workshop.gallery(*name)
         yield design.plant, design.observer.tables["float32"]
-    plant = loads(FAR, "far")  # noise that stays far from zero, gains of either sign
+    plant = loads(FAR, "far")
     for sign in (1, -1):
-        L = sign * np.array([[[0.3, 0.1], [0.2, 0.25]]] * 2)
+        L = sign * np.array([[[0.3, 0.05], [0.1, 0.25]]] * 2)
         for low in (L, -L):  # with -L the noise pulls both framers inward
             gains = {"L_hi": L, "L_lo": low, "N_hi": 0.2 * L, "N_lo": 0.2 * low}
             yield plant, freeze(FramerTables, plant.modes, limits(plant), gains, "float32")

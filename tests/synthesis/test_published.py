@@ -1,4 +1,4 @@
-"""The published numbers of seed 000, section 5.6 (C. Zammali, 2020), and what of them does not hold.
+"""The published numbers of Zammali (2020), section 5.6 (C. Zammali, 2020), and what of them does not hold.
 
 Printed gains: tests/data/zammali_section_5_6.toml. "Recomputed" figures are those of the dossier (sections 5.4
 and 6), found there with other code. The switching sequence, inputs and small-fault size of the thesis are lost,
