@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from . import __version__
-from .certify.claims import check, digest
+from .analysis.detectability import surely_detected
+from .certify.claims import check, check_monitor, check_ranges, digest
 from .errors import CertificateError, PlantError, ResiduaError
 from .observers import FAMILIES, FramerTables, IntervalObserver, Supervision
 from .plant.load import loads
@@ -55,9 +56,10 @@ class Design:
 
     @property
     def digest(self) -> str:
-        """Hash over everything that the certificate is about."""
+        """Hash over everything that design.json says."""
         return digest(self.plant_sha256, self.method, self.observer.family, self.observer.supervision.to_dict(),
-                      {r: t.to_dict() for r, t in self.observer.tables.items()}, self.certificate)
+                      {r: t.to_dict() for r, t in self.observer.tables.items()}, self.certificate, self.proved,
+                      self.detection, self.choice, self.options)
 
     def claims(self, real: str) -> list[str]:
         """What is proved for the tables of one number type, one sentence per claim."""
@@ -169,6 +171,12 @@ def _plant(path: Path, text: str) -> Plant:
 def recheck(design: Design) -> dict[str, list[str]]:
     """Repeat every condition of the certificate in exact arithmetic, without the solver.
 
+    The surely detected faults are computed anew too, by the adjoint recursion in double precision.
+
+    Parameters
+    ----------
+    design : Design
+
     Returns
     -------
     dict
@@ -178,7 +186,26 @@ def recheck(design: Design) -> dict[str, list[str]]:
     ------
     CertificateError
     """
-    return {real: check(design.plant.modes, t, design.certificate[real]) for real, t in design.observer.tables.items()}
+    plant, proved = design.plant, {}
+    limits = {"x": plant.limits("x"), "x0": (plant.x0_lo, plant.x0_hi)}
+    for real, t in design.observer.tables.items():
+        cert = design.certificate[real]
+        proved[real] = check(plant.modes, t, cert)
+        check_ranges(limits, t)
+        check_monitor(design.observer.supervision, cert)
+        if proved[real] != design.proved[real]:
+            raise CertificateError(f"certificate: the {real} claims of the file are not what is proved. Design again.")
+        _recheck_detection(plant, t, cert, design.detection[real])
+    return proved
+
+
+def _recheck_detection(plant: Plant, t: FramerTables, cert: dict, stored: list[dict]) -> None:
+    within = max((len(f["by_delay"]) - 1 for f in stored), default=0)
+    for fault, old in zip(surely_detected(plant, t, cert, within), stored, strict=True):
+        for d, (new, claimed) in enumerate(zip(fault.by_delay, old["by_delay"], strict=True)):
+            if claimed is not None and claimed < new * (1 - 1e-9):
+                raise CertificateError(f"certificate: fault {fault.channel} is claimed to be found from {claimed:.6g} on "
+                                       f"within {d} samples, only {new:.6g} is sure.")
 
 
 def read_checked(path) -> Design:

@@ -42,8 +42,8 @@ def sum_error(terms: list[tuple[fmpq, fmpq]], real: str) -> tuple[fmpq, fmpq]:
         size = abs(coefficient) * abs(bound)
         if size == 0:
             continue
-        # A product with the coefficient 1 is exact. One with a value *bounded* by 1 is not.
-        slip = fmpq(0) if abs(coefficient) == 1 else u * size + tiny
+        # The coefficient 1 needs no product (a value *bounded* by 1 does); only flushing can touch such a term.
+        slip = tiny if abs(coefficient) == 1 else u * size + tiny
         total += size + slip
         error += slip
         if not first:

@@ -110,8 +110,9 @@ def state_fields(family: str, names: Names, s, n_bits: int, sizes: tuple[int, in
     if s.monitors_dwell:
         words += [("bucket", "0U", f"fill of the dwell-time monitor, 0 to {s.dwell_limit}"),
                   ("too_fast", "0U", "1 from an overflow of the bucket until it has run empty")]
-    words += [("run", "0U", f"samples outside bounds in a row, below {max(s.recover, 1)}"),
-              ("hold", "0U", f"samples within bounds still to come before assured may return, 0 to {s.hold}")]
+    words.append(("run", "0U", f"samples outside bounds in a row, below {max(s.recover, 1)}"))
+    if s.counts_hold:
+        words.append(("hold", "0U", f"samples within bounds still to come before assured may return, 0 to {s.hold}"))
     members = numbers + [("uint32_t", name, "", (note,)) for name, _, note in words]
     clear = [f"{place} = {literal(0.0, names.real)};" for place in kept]
     clear += [f"s->{name} = {value};" for name, value, _ in words]

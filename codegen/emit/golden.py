@@ -18,20 +18,20 @@ from ..observers import Trace
 from .cprint import initialiser, literal
 
 Array = np.ndarray
-FAULTS, MISSING = (4, 5, 13), (9, 30, 31)
+FAULTS, MISSING, RESETS = (4, 5, 13), (9, 30, 31), (24,)
 
 
 @dataclass(frozen=True)
 class Vector:
-    """One sample: inputs, whether there is a measurement, and what the reference answered; all printed.
+    """One sample: inputs, what is called, and what the reference answered; all printed.
 
-    ``inputs`` holds one initialiser or none.
+    ``inputs`` holds one initialiser or none; ``call`` is 0 for predict, 1 for step, 2 for reset and then step.
     """
 
     inputs: tuple[str, ...]
     y: str
     mode: int
-    measured: int
+    call: int
     x_lo: str
     x_hi: str
     r_lo: str
@@ -63,6 +63,8 @@ def stimulus(observer, t) -> tuple[Array, Array, Array]:
         q[k] = k // 2 if k < 2 * n_modes else draw.randrange(n_modes) if k < steps - 28 or k % 6 == 0 else q[k - 1]
         u[k] = between(t.u_lo, t.u_hi)
         y[k] = _within_bounds(observer, t, u[k], q[k], between(t.y_lo, t.y_hi))
+        if k in RESETS:
+            observer.reset(t, np.array([True]))
         if k in FAULTS:
             y[k] = np.where([draw.random() < 0.5 for _ in y[k]], t.y_lo, t.y_hi)
         _sample(observer, t, u[k], y[k], q[k], k not in MISSING)
@@ -98,14 +100,28 @@ def vectors(design, real: str) -> tuple[Vector, ...]:
     vectors : tuple of Vector
     """
     u, y, q = stimulus(design.observer, design.observer.tables[real])
-    trace = design.observer.run(u=u, y=y, q=q, real=real)
     measured = ~np.isnan(y).any(axis=1)
-    y, r_lo, r_hi = (np.where(measured[:, None], a, 0).astype(y.dtype) for a in (y, trace.r_lo, trace.r_hi))
+    y = np.where(measured[:, None], y, 0).astype(y.dtype)
+    trace = _answers(copy(design.observer), design.observer.tables[real], u, y, q, measured)
+    r_lo, r_hi = (np.where(measured[:, None], a, 0).astype(y.dtype) for a in (trace.r_lo, trace.r_hi))
     return tuple(Vector((initialiser(u[k], real),) if u.shape[1] else (), initialiser(y[k], real), int(q[k]),
-                        int(measured[k]), initialiser(trace.x_lo[k], real), initialiser(trace.x_hi[k], real),
+                        2 if k in RESETS else int(measured[k]), initialiser(trace.x_lo[k], real), initialiser(trace.x_hi[k], real),
                         initialiser(r_lo[k], real), initialiser(r_hi[k], real), int(trace.raw_bits[k]),
                         int(trace.alarm_bits[k]), int(trace.latched_bits[k]), int(trace.assured[k]))
                  for k in range(len(q)))
+
+
+def _answers(observer, t, u: Array, y: Array, q: Array, measured: Array) -> Trace:
+    """Run the reference over the samples, with its resets."""
+    trace = Trace.empty((len(q),), len(t.box), y.shape[1], t.dtype)
+    observer.start(t, 1)
+    for k in range(len(q)):
+        if k in RESETS:
+            observer.reset(t, np.array([True]))
+        sample = _sample(observer, t, u[k], y[k], q[k], measured[k])
+        for name in trace.__dataclass_fields__:
+            getattr(trace, name)[k] = getattr(sample, name)[0]
+    return trace
 
 
 @dataclass(frozen=True)

@@ -134,9 +134,10 @@ def alarm(s, prefix: str) -> tuple[str, ...]:
             "out->latched repeats out->alarm, and keeps it over predict.")
     text = (f"Debounce: {rule}. {keep} Framers that have met a fault are worthless: they restart from the "
             f"declared ranges at the first sample within bounds, or after {max(s.recover, 1)} samples outside in a "
-            f"row. assured returns after {s.hold} samples within bounds" +
-            (f" and {prefix}_reset: a fault that goes on may be absorbed by the restarted framers." if s.latch else
-             ", on the assumption that the fault is over by then."))
+            f"row. " + (f"assured returns after {prefix}_reset only: a fault that goes on may be absorbed by the "
+                        "restarted framers." if s.latch else
+                        f"assured returns after {s.hold} samples within bounds, on the assumption that the fault is "
+                        "over by then."))
     return paragraph(text)
 
 

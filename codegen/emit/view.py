@@ -124,7 +124,7 @@ class DesignView:
     plain: tuple[str, ...]
     latch: str
     recover: int
-    hold: int
+    hold: tuple[str, ...]
     dwell: tuple[Dwell, ...]
     remember: tuple[str, ...]
     undisturbed: str
@@ -191,10 +191,10 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         whole_range=_assign("s->x_lo", t.x_lo, real) + _assign("s->x_hi", t.x_hi, real), clear=fields.clear,
         crossed=() if t.shared else (bits[-1].macro,), windows=_windows(s, names.prefix),
         plain=("alarm",) if s.debounce[1] == 1 else (), latch="s->latched | alarm" if s.latch else "alarm",
-        recover=max(s.recover, 1), hold=s.hold,
+        recover=max(s.recover, 1), hold=(f"{s.hold}U",) if s.counts_hold else (),
         dwell=(Dwell(f"{s.dwell_add}U", f"{s.dwell_drain}U", f"{s.dwell_limit}U"),) if s.monitors_dwell else (),
         remember=("s->mode = in->mode;",) if fields.has_mode else (),
-        undisturbed=" && ".join(["(s->hold == 0U)", *["(s->latched == 0U)"] * s.latch,
+        undisturbed=" && ".join([*["(s->hold == 0U)"] * s.counts_hold, *["(s->latched == 0U)"] * s.latch,
                                  *["(s->too_fast == 0U)"] * s.monitors_dwell]))
 
 

@@ -51,6 +51,11 @@ class Supervision:
         """Whether there is a dwell-time monitor."""
         return self.dwell_add > 0
 
+    @property
+    def counts_hold(self) -> bool:
+        """Whether the hold time matters: where every sample outside is latched, the latch says more."""
+        return not (self.latch and self.debounce[0] == 1)
+
     def to_dict(self) -> dict:
         """Return a plain dict for design.json."""
         return asdict(self) | {"debounce": list(self.debounce)}

@@ -96,7 +96,7 @@ def frozen(values: object) -> Array:
 
     Returns
     -------
-    array : ndarray
+    array : ndarray (any shape)
     """
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)

@@ -102,8 +102,8 @@ def test_no_name_of_the_plant_is_trusted():
 def test_golden_vectors_reach_everything(family):
     """Alarms come and go, the latch holds, the guarantee is lost and returns, every mode is visited."""
     vectors = golden.vectors(stand_in(family), "float32")
-    assert {v.mode for v in vectors} == {0, 1, 2} and sum(not v.measured for v in vectors) == 3
-    assert any(v.raw for v in vectors) and any(v.measured and v.latched and not v.alarm for v in vectors)
+    assert {v.mode for v in vectors} == {0, 1, 2} and sum(not v.call for v in vectors) == 3
+    assert any(v.raw for v in vectors) and any(v.call and v.latched and not v.alarm for v in vectors)
     assured = [v.assured for v in vectors]
     assert assured[0] == 1 and assured[-1] == 1 and 0 in assured
     assert golden.vectors(stand_in(family), "float32") == vectors

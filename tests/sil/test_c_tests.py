@@ -41,17 +41,17 @@ def test_designs_live_together(tmp_path):
 
 
 MUTANTS = {  # what a generator might get wrong, and who must notice: the hand-written tests, or the golden vectors
-    "state not cleared": (r"    s->run = 0U;\n(?=    s->hold)", "", "observer"),
+    "state not cleared": (r"    s->run = 0U;\n(?=    s->latched)", "", "observer"),
     "mode accepted": (r"in->mode >= CART_MODES", "in->mode > CART_MODES", "observer"),
     "input not checked": (r"else if \(!cart_u_accepted\(in\)\)", "else if (in->mode > CART_MODES)", "observer"),
     "nan accepted": (r"\(in->y\[1\] >= (\S+)\) && \(in->y\[1\] <= (\S+)\)",
                      r"!((in->y[1] < \1) || (in->y[1] > \2))", "observer"),
     "output written on refusal": (r"status = CART_BAD_OUTPUT;", "status = CART_BAD_OUTPUT; out->raw = 9U;", "observer"),
     "latch lost": (r"s->latched = s->latched \| alarm;", "s->latched = alarm;", "golden"),
-    "latch cleared by predict": (r"out->latched = s->latched;\n(?=    out->assured = \(s)", "out->latched = 0U;\n",
+    "latch cleared by predict": (r"out->latched = s->latched;\n(?=    out->assured = \(\(s)", "out->latched = 0U;\n",
                                  "observer"),
     "recovery": (r"again = \(s->run > 0U\);", "again = false;", "golden"),
-    "hold": (r"s->hold = 10U;", "s->hold = 11U;", "golden"),
+    "assured over a latch": (r"\(\(!fault\) && \(s->latched == 0U\)\)", "(!fault)", "golden"),
     "residual sign": (r"r_hi\[0\] < 0.0F|r_hi\[i\] < 0.0F", "r_hi[i] > 0.0F", "golden"),
 }
 

@@ -109,11 +109,15 @@ C = [[1, 0]]
     zero = np.zeros((1, 2, 1))
     gains = dict.fromkeys(("L_hi", "L_lo", "N_hi", "N_lo"), zero)
     t = freeze(FramerTables, plant.modes, limits(plant), gains, "float32")
-    assert all(x == 0 for x in ErrorModel(plant.modes, t).push["hi"][0][1:])
     cert = prove(plant.modes, t, {"kind": "none"})
     assert cert["steady_box"] is None
     with pytest.raises(CertificateError, match="the error box is left"):
         check(plant.modes, t, {**cert, "steady_box": {"hi": [1.0, 0.0], "lo": [1.0, 0.0]}})
+    # Even if nothing at all were added, not a rounding error either.
+    model = ErrorModel(plant.modes, t)
+    model.push = {s: [np.array([fmpq(0), fmpq(0)], dtype=object)] for s in ("hi", "lo")}
+    for unseen in (0, 5):
+        assert model.box_violation(np.array([fmpq(1), fmpq(unseen)], dtype=object), "hi")[:2] == (0, 1)
 
 
 def test_physical_input_may_exceed_the_rounded_limit():

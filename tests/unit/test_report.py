@@ -113,8 +113,11 @@ def test_claims_and_thresholds_are_those_of_the_design(cart, cart_page):
     assert "residua generate design.json --real float32 --layout table -o cart" in text
 
 
-def test_bounds_that_say_nothing_are_called_so(cart_page):
-    assert "wider than the range: says nothing new" in Page(cart_page).text  # the speed of the cart
+def test_bounds_that_say_nothing_are_called_so(cart, cart_page, tmp_path):
+    assert "wider than the range" not in Page(cart_page).text
+    slow = tuple(replace(s, lo=-1.0, hi=1.0) for s in cart.plant.x)  # the speed is known to 4 m/s only
+    text = Page(report(tmp_path / "slow", replace(cart, plant=replace(cart.plant, x=slow)))).text
+    assert "wider than the range: says nothing new" in text
 
 
 def test_the_constants_read_back(cart, cart_page):
@@ -188,7 +191,13 @@ def test_nothing_is_promised_outside_the_assumptions(cart, change, reason):
     assert limit is None and reason in why
 
 
-def test_wrong_bounds_that_were_called_assured_are_owned_up_to(cart, cart_page):
+def test_wrong_bounds_that_were_called_assured_are_owned_up_to(tmp_path):
+    """Without a latch the framers may absorb a fault that goes on; with one, assured waits for the reset."""
+    target = load("cart").target
+    cart = small_design("cart", target=replace(target, latch=False))
+    latched = outcomes_of(small_design("cart"))[1]
+    assert not np.any(latched.trace.assured[latched.episodes[0].start:])
+    cart_page = report(tmp_path / "unlatched", cart)
     o = outcomes_of(cart)[1]
     outside = np.any((o.truth.x > o.trace.x_hi) | (o.truth.x < o.trace.x_lo), axis=1)
     n = int(np.sum(outside & o.trace.assured))
