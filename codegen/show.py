@@ -11,6 +11,8 @@ from rich.table import Table
 from .plant.model import Plant
 
 out = Console(highlight=False, soft_wrap=True)
+if not out.is_terminal:  # into a file or a pipe: do not fold the tables to 80 columns
+    out.width = 132
 
 
 def table(title: str, *columns: str) -> Table:

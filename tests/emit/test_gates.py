@@ -1,12 +1,12 @@
 """Compilers accept the C without a word, and its objects need nothing: no library, no static memory."""
 
 import json
-import shutil
 import subprocess
 
 import pytest
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import CLANG, CXX, GCC, compile_, write
+from helpers.tools import need
 
 from codegen.emit import files
 from codegen.errors import ToolError
@@ -24,17 +24,22 @@ def flags(compiler, real):
     return COMPILERS[compiler] + (["-Wunsuffixed-float-constants"] if (compiler, real) == ("gcc", "float32") else [])
 
 
+@pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("family,variant,layout,real", CASES)
-def test_compilers_and_symbols(family, variant, layout, real, tmp_path):
+def test_compilers_and_symbols(family, variant, layout, real, compiler, tmp_path):
+    need(compiler)
     folder = write(stand_in(family, prefix="cart", **VARIANTS[variant]), tmp_path, real, layout)
-    for compiler in COMPILERS:
-        if not shutil.which(compiler):
-            pytest.skip(f"{compiler} is not installed")
-        for level in ("-O2", "-Os"):
-            compile_([compiler, *flags(compiler, real), level, "-c", "cart.c", "-o", "cart.o"], folder)
-            assert compile_(["nm", "-u", "cart.o"], folder) == ""
-            assert compile_(["size", "cart.o"], folder).splitlines()[1].split()[1:3] == ["0", "0"]
-        compile_([compiler, *flags(compiler, real), "-O1", "-c", "test_cart.c"], folder)
+    for level in ("-O2", "-Os"):
+        compile_([compiler, *flags(compiler, real), level, "-c", "cart.c", "-o", "cart.o"], folder)
+        assert compile_(["nm", "-u", "cart.o"], folder) == ""
+        assert compile_(["size", "cart.o"], folder).splitlines()[1].split()[1:3] == ["0", "0"]
+    compile_([compiler, *flags(compiler, real), "-O1", "-c", "test_cart.c"], folder)
+
+
+@pytest.mark.parametrize("family,variant,layout,real", CASES)
+def test_compiles_as_cpp(family, variant, layout, real, tmp_path):
+    need("g++")
+    folder = write(stand_in(family, prefix="cart", **VARIANTS[variant]), tmp_path, real, layout)
     compile_(["g++", *CXX, "-c", "cart.c", "-o", "cart.oo"], folder)
 
 
@@ -63,8 +68,7 @@ def test_gates_notice(tmp_path):
 
 
 def test_cmake(tmp_path):
-    if not shutil.which("cmake"):
-        pytest.skip("cmake is not installed")
+    need("cmake")
     folder = write(stand_in(prefix="cart"), tmp_path / "cart")
     compile_(["cmake", "-S", folder, "-B", tmp_path / "b"], tmp_path)
     compile_(["cmake", "--build", tmp_path / "b"], tmp_path)

@@ -16,6 +16,7 @@ from helpers.reports import StandInDriver, outcomes_of, output_folder, short_rec
 from codegen.analysis import svg  # noqa: E402
 from codegen.analysis.validate import Episode  # noqa: E402
 from codegen.errors import EmitError  # noqa: E402
+from codegen.plant.load import load  # noqa: E402
 from codegen.report import outcome_words, words  # noqa: E402
 from codegen.report.page import write_report  # noqa: E402
 

@@ -1,0 +1,100 @@
+"""Every committed design: the compiled C equals the reference over 10^5 samples, for each layout and number type."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from codegen.designs import read_design
+from codegen.emit.package import generate
+from codegen.host.build import build
+
+GENERATED = Path(__file__).resolve().parents[2] / "generated"
+DESIGNS = sorted(p.parent.name for p in GENERATED.glob("*/design.json"))
+RUNS, STEPS = 200, 500
+
+
+@lru_cache(maxsize=4)
+def design_of(name):
+    return read_design(GENERATED / name)
+
+
+def signals(plant, real, seed=1):
+    """Inputs and outputs random in their ranges, at their ends, near the bounds, missing, refused; every mode."""
+    rng = np.random.default_rng(seed)
+
+    def drawn(vector):
+        lo, hi = plant.limits(vector)
+        shape = (RUNS, STEPS, len(lo))
+        value = lo + (hi - lo) * rng.random(shape)
+        ends = np.where(rng.random(shape) < 0.5, lo, hi)
+        return np.where(rng.random(shape) < 0.3, ends, value)
+
+    u, y = drawn("u"), drawn("y")
+    q = rng.integers(0, plant.n_modes, (RUNS, STEPS))
+    q[: RUNS // 2] = (np.arange(STEPS) // 7 + np.arange(RUNS // 2)[:, None]) % plant.n_modes  # slower switching
+    y[rng.random((RUNS, STEPS)) < 0.02] = np.nan
+    y[rng.random((RUNS, STEPS)) < 0.01] *= 100.0
+    q[rng.random((RUNS, STEPS)) < 0.005] = plant.n_modes
+    # Half of the runs see the plant itself, so that there are samples without alarm.
+    for r in range(0, RUNS, 2):
+        y[r] = truth(plant, u[r], q[r] % plant.n_modes, rng)
+    return u.astype(real), y.astype(real), q
+
+
+def truth(plant, u, q, rng):
+    x = plant.x0_lo + (plant.x0_hi - plant.x0_lo) * rng.random(plant.n_x)
+    lo, hi = plant.limits("y")
+    out = np.empty((STEPS, plant.n_y))
+    for k in range(STEPS):
+        m = plant.modes[q[k]]
+        out[k] = m.C @ x + m.D @ u[k] + m.Dv @ np.where(rng.random(plant.n_v) < 0.5, m.v_lo, m.v_hi)
+        x = m.A @ x + m.B @ u[k] + m.Bw @ np.where(rng.random(plant.n_w) < 0.5, m.w_lo, m.w_hi)
+    return np.clip(out, lo, hi)
+
+
+@pytest.fixture(scope="module")
+def reference():
+    """Signals and answers of the reference, once per design and number type."""
+    cache = {}
+
+    def answers(name, real):
+        if (name, real) not in cache:
+            design = design_of(name)
+            u, y, q = signals(design.plant, real)
+            cache[name, real] = (u, y, q, design.observer.run_many(u, y, q, real))
+        return cache[name, real]
+
+    return answers
+
+
+@pytest.mark.parametrize("layout", ["literal", "table", "loop"])
+@pytest.mark.parametrize("real", ["float32", "float64"])
+@pytest.mark.parametrize("name", DESIGNS)
+def test_c_equals_reference(name, real, layout, reference, tmp_path):
+    u, y, q, expected = reference(name, real)
+    driver = build(generate(design_of(name), tmp_path / "c", real=real, layout=layout))
+    assert driver.run_many(u, y, q).differs(expected) == []
+    assert RUNS * STEPS >= 10**5
+    # The signals do reach what there is to reach.
+    assert expected.alarm.any() and not expected.alarm.all() and expected.assured.any()
+    assert set(np.unique(expected.status)) >= {0, 1, 3}
+
+
+def test_a_changed_constant_shows(reference, tmp_path):
+    """The comparison is not blind: one offset off by a unit in the last place, and it fails."""
+    name = "emps_tnl-interval"
+    u, y, q, expected = reference(name, "float32")
+    folder = generate(design_of(name), tmp_path / "c", real="float32", layout="literal")
+    t = design_of(name).observer.tables["float32"]
+    from codegen.emit.cprint import literal
+
+    text = (folder / "emps.c").read_text()
+    old = literal(abs(float(t.d_hi[1, 0])), "float32")
+    new = literal(abs(float(np.nextafter(t.d_hi[1, 0], np.float32(1)))), "float32")
+    assert old in text
+    (folder / "emps.c").write_text(text.replace(old, new))
+    assert build(folder).run_many(u, y, q).differs(expected)
