@@ -19,7 +19,7 @@ WHY = {
     "linf": "the one with the lowest certified level on the framer error was kept",
     "width": "the one with the narrowest guaranteed bounds was kept",
     "": "the one with the smallest surely detected fault was kept (the worst channel counts, relative to its declared "
-        "range); thresholds within 5 % count as equal, then a proof for any switching goes before one with a dwell "
+        "range); thresholds within 10 % count as equal, then a proof for any switching goes before one with a dwell "
         "time, then narrower bounds before wider ones",
 }
 

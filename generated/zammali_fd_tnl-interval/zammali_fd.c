@@ -12,6 +12,7 @@
 
 #include <float.h>
 #include <stdbool.h>
+#include <stdint.h>
 
 /*
  * The bounds are proved for IEEE 754 arithmetic in the precision that is written here, operation by
