@@ -80,7 +80,7 @@ def deviations(text: str | None = None) -> list[Deviation]:
         found = re.fullmatch(r"\| `([^`]+)` \| `([^`]+)` \| `([^`]+)` \| ([^`|]+) \|", line)
         if not found or len(found[4]) < 20:
             raise ValueError(f"{DEVIATIONS.name}: {line!r} is no row of four columns with a reason.")
-        rows.append(Deviation(*found.groups()))
+        rows.append(Deviation(found[1], found[2], found[3].replace(r"\|", "|"), found[4]))
     return rows
 
 

@@ -204,8 +204,8 @@ def _recheck_detection(plant: Plant, t: FramerTables, cert: dict, stored: list[d
     for fault, old in zip(surely_detected(plant, t, cert, within), stored, strict=True):
         for d, (new, claimed) in enumerate(zip(fault.by_delay, old["by_delay"], strict=True)):
             if claimed is not None and claimed < new * (1 - 1e-9):
-                raise CertificateError(f"certificate: fault {fault.channel} is claimed to be found from {claimed:.6g} on "
-                                       f"within {d} samples, only {new:.6g} is sure.")
+                raise CertificateError(f"certificate: fault {fault.channel} is claimed to be found from {claimed:.6g} "
+                                       f"on within {d} samples, only {new:.6g} is sure.")
 
 
 def read_checked(path) -> Design:

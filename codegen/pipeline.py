@@ -138,9 +138,10 @@ def require(made: Design, real: str, outcomes: list[Outcome]) -> None:
     for o in outcomes:
         for e in o.episodes:
             if not kept(made, real, o, e):
-                raise ValidationError(f'scenario "{o.scenario.name}": fault of {e.size:g} on {e.channel} at sample {e.start} '
-                                      f"found after {e.delay} samples, expected at most {promise(made, real, o, e)[0]}. "
-                                      "Do the matrices hold on the real plant?")
+                limit, _ = promise(made, real, o, e)
+                raise ValidationError(
+                    f'scenario "{o.scenario.name}": fault of {e.size:g} on {e.channel} at sample {e.start} found after '
+                    f"{e.delay} samples, expected at most {limit}. Do the matrices hold on the real plant?")
         if o.differences:
             raise ValidationError(f'scenario "{o.scenario.name}": C and reference differ in '
                                   f'{", ".join(o.differences)}, expected ==. '

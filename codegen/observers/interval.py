@@ -14,7 +14,17 @@ from __future__ import annotations
 import numpy as np
 
 from .framer import FramerTables, open_loop, propagate, residuals
-from .supervisor import BAD_INPUT, BAD_MODE, BAD_OUTPUT, OK, Supervision, SupervisorState, judge, undisturbed, watch_dwell
+from .supervisor import (
+    BAD_INPUT,
+    BAD_MODE,
+    BAD_OUTPUT,
+    OK,
+    Supervision,
+    SupervisorState,
+    judge,
+    undisturbed,
+    watch_dwell,
+)
 from .trace import Trace
 
 Array = np.ndarray

@@ -35,8 +35,8 @@ def validation_table(outcomes: list[Outcome]) -> Table:
                      verdict(o.passed, "passed", "FAILED")))
     notes = ("C = reference: every number of the compiled C equals that of the numpy reference. Lost: samples without "
              "fault at which a true state was outside its bounds; a record has no true state to compare with. Assured: "
-             "samples at which the firmware says that its guarantee is in force; it is not during an alarm, for the hold "
-             "time after it, and (with a latch) until the alarm is acknowledged.",)
+             "samples at which the firmware says that its guarantee is in force; it is not during an alarm, for the "
+             "hold time after it, and (with a latch) until the alarm is acknowledged.",)
     head = ("scenario", "kind", "#samples", "C = reference", "#lost", "#false alarms", "#faults found", "#assured",
             "result")
     return table("Scenarios, run on the compiled C", head, rows, notes)

@@ -13,7 +13,8 @@ ROOT = Path(__file__).parents[2]
 
 
 def test_wheel_works_from_any_folder(tmp_path):
-    subprocess.run([sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(tmp_path), str(ROOT)], check=True)
+    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", str(tmp_path), str(ROOT)]
+    subprocess.run(command, check=True)
     (wheel,) = tmp_path.glob("residua-*.whl")
     names = zipfile.ZipFile(wheel).namelist()
     assert "codegen/_templates/observer.c.jinja" in names and "codegen/gallery/data/emps_train.csv" in names
