@@ -106,7 +106,8 @@ def vectors(design, real: str) -> tuple[Vector, ...]:
     r_lo, r_hi = (np.where(measured[:, None], a, 0).astype(y.dtype) for a in (trace.r_lo, trace.r_hi))
     return tuple(Vector((initialiser(u[k], real),) if u.shape[1] else (), initialiser(y[k], real), int(q[k]),
                         2 if k in RESETS else int(measured[k]),
-                        initialiser(trace.x_lo[k], real), initialiser(trace.x_hi[k], real), initialiser(r_lo[k], real), initialiser(r_hi[k], real), int(trace.raw_bits[k]),
+                        initialiser(trace.x_lo[k], real), initialiser(trace.x_hi[k], real),
+                        initialiser(r_lo[k], real), initialiser(r_hi[k], real), int(trace.raw_bits[k]),
                         int(trace.alarm_bits[k]), int(trace.latched_bits[k]), int(trace.assured[k]))
                  for k in range(len(q)))
 
