@@ -195,7 +195,8 @@ def check_lyapunov(modes, t, cert, theta2):
             k = len(H[0])
             top = [[(1 - lam) * P[q][i] * (i == j) for j in range(n)] + [F(0)] * k
                    + [P[q][j] * M[j][i] for j in range(n)] for i in range(n)]
-            mid = [[F(0)] * n + [mu * (i == j) for j in range(k)] + [p * h[i] for p, h in zip(P[q], H)] for i in range(k)]
+            mid = [[F(0)] * n + [mu * (i == j) for j in range(k)] + [a * h[i] for a, h in zip(P[q], H)]
+                   for i in range(k)]
             low = [[P[q][i] * M[i][j] for j in range(n)] + [P[q][i] * h for h in H[i]]
                    + [P[q][i] * (i == j) for j in range(n)] for i in range(n)]
             demand(positive(top + mid + low), f"Lyapunov inequality, mode {q}, {side}")
