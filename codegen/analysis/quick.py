@@ -61,7 +61,7 @@ class QuickJudge:
             if np.any(new > 1e9 * (1.0 + push.max())):
                 return None
             if np.all(new <= z * (1 + 1e-6)):
-                return new
+                return np.maximum(new, 1e-9 * self.x_scale)  # a box has an inside, also where nothing disturbs
             z = new
         return None
 
@@ -84,5 +84,6 @@ class QuickJudge:
         model = ResidualModel.of(self.plant.modes, t)
         last = np.array([along(model, self.paths, j, self.before, (z, z))[-1] / scale
                          for j, scale in enumerate(self.f_scale)])
+        last = np.maximum(last, 1e-9)  # without disturbance and noise every fault shows
         typical = np.exp(np.mean(np.log(last))) if np.all(np.isfinite(last)) else np.inf
         return float(last.max()), float(typical), float(np.sum(2 * z / self.x_scale))

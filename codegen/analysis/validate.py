@@ -1,7 +1,8 @@
 """Does the compiled C do what the design promises? Every scenario of the plant file, judged sample by sample.
 
-Before the first fault nothing may alarm and no state may leave its bounds. While a fault acts the framers
-may be wrong. After it, once ``hold`` samples have passed, the promise is in force again.
+As long as no fault acts nothing may alarm and no state may leave its bounds. A fault spoils the framers; the
+promise is in force again when they have restarted from the declared ranges after it, as the firmware does at the
+first quiet sample after an alarm. A fault that raised no alarm leaves them spoilt: nothing is promised then.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..observers import Trace
+from ..observers.supervisor import BAD_INPUT, BAD_MODE
 from ..plant.model import Plant, PlantTrace, Scenario
 from ..plant.simulate import simulate
 
@@ -64,14 +66,35 @@ class Outcome:
         return not self.differences and self.lost == 0 and self.false_alarms == 0
 
 
-def settled_samples(f: Array, hold: int) -> Array:
-    """True before any fault and again ``hold`` samples after one: f (K, n_f) -> (K,) bool."""
+def sound_samples(f: Array, trace: Trace, recover: int) -> Array:
+    """Samples at which the framers are sound: no fault has touched them since they last started from a true box.
+
+    Parameters
+    ----------
+    f : ndarray (K, n_f)
+        The faults.
+    trace : Trace
+    recover : int
+        Samples of alarm in a row after which the framers restart.
+
+    Returns
+    -------
+    ndarray (K,) bool
+    """
     active = np.any(f != 0, axis=1)
-    out = np.ones(len(active), dtype=bool)
-    quiet = hold + 1
+    raw, measured = trace.raw_bits != 0, ~np.isnan(trace.r_lo).any(axis=1)
+    out = np.zeros(len(active), dtype=bool)
+    sound, restarted, run = True, True, 0
     for k, now in enumerate(active):
-        quiet = 0 if now else quiet + 1
-        out[k] = quiet > hold
+        # The framers of sample k rest on samples k-1 and k, unless they restarted after sample k-1.
+        sound = restarted or (sound and not now and not active[k - 1])
+        out[k] = sound
+        # As observers.supervisor.judge counts; a refused input or mode is answered by a reset.
+        restarted = trace.status[k] in (BAD_MODE, BAD_INPUT)
+        if measured[k]:
+            run, before = (run + 1 if raw[k] else 0), run
+            restarted = run >= recover if raw[k] else before > 0
+        run = 0 if restarted else run
     return out
 
 
@@ -90,18 +113,16 @@ def episodes(f: Array, raw: Array, names: tuple[str, ...], tail: int) -> list[Ep
 
 def judge(plant: Plant, scenario: Scenario, truth: PlantTrace, trace: Trace, differences: list[str]) -> Outcome:
     """Hold one run against the promise."""
-    hold = plant.target.hold
-    settled = settled_samples(truth.f, hold)
+    raw = trace.raw_bits != 0
+    sound = sound_samples(truth.f, trace, plant.target.recover)
+    settled = sound & ~np.any(truth.f != 0, axis=1)
     lo, hi = plant.limits("x")
     # The simulated truth itself is only good to double precision.
     slack = 1e-12 * np.maximum(np.abs(lo), np.abs(hi))
     outside = np.any((truth.x > trace.x_hi + slack) | (truth.x < trace.x_lo - slack), axis=1)
-    valid = settled & (trace.status == 0)
-    # After an alarm the framers restart from the ranges; they are promised again once `assured` is back.
-    fresh = ~np.cumsum(np.any(truth.f != 0, axis=1)).astype(bool)
-    lost = int(np.sum(outside & valid & (fresh | trace.assured)))
-    raw = trace.raw_bits != 0
-    return Outcome(scenario, truth, trace, differences, lost, int(np.sum(raw & valid)), settled,
+    done = trace.status == 0
+    return Outcome(scenario, truth, trace, differences, int(np.sum(outside & sound & done)),
+                   int(np.sum(raw & settled & done)), settled,
                    episodes(truth.f, raw, tuple(s.name for s in plant.f), 3))
 
 

@@ -239,11 +239,12 @@ def candidates(problem: Problem, options: dict, starts: list[Array], judge: Judg
     if problem.Df.shape[2] == 0:
         return
     cap, evaluations = float(options.get("gain_cap", 2.0)), int(options.get("evaluations", 100))
-    for seen in aims(problem):
-        for start in starts:
-            progress(f"detection, aiming at outputs {', '.join(str(o) for o in seen)}")
-            found = search(problem, start * 1.02, seen, cap, evaluations, judge)
-            if found is not None:
-                L, N = found
-                outputs = ", ".join(str(o) for o in seen)
-                yield Candidate(f"detection, gain cap {cap:g}, aim at output {outputs}", L, N, {"kind": "box"})
+    # Every start for the strongest aim, the first start for the others.
+    tries = [(seen, start) for n, seen in enumerate(aims(problem)) for start in (starts if n == 0 else starts[:1])]
+    for seen, start in tries:
+        outputs = ", ".join(str(o) for o in seen)
+        progress(f"detection, aiming at outputs {outputs}")
+        found = search(problem, start * 1.02, seen, cap, evaluations, judge)
+        if found is not None:
+            L, N = found
+            yield Candidate(f"detection, gain cap {cap:g}, aim at output {outputs}", L, N, {"kind": "box"})

@@ -155,7 +155,9 @@ def test_changed_c_is_status_7(made):
 
 def start_run(made, out):
     return subprocess.Popen([sys.executable, "-m", "codegen", "run", "zammali_fd", "-o", str(out)], cwd=made,
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                            # A background shell lets its children ignore Ctrl-C; here it must count.
+                            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL))
 
 
 @pytest.mark.parametrize("kill", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
