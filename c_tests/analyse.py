@@ -6,6 +6,7 @@ Default: every folder in generated/. Prints each finding that is not listed; non
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -85,9 +86,8 @@ def deviations(text: str | None = None) -> list[Deviation]:
 
 
 def prefix_of(folder: Path) -> str:
-    """Return the prefix of the C in a folder: it is the name of its only source but the test."""
-    (source,) = [p for p in folder.glob("*.c") if not p.name.startswith("test_")]
-    return source.stem
+    """Return the prefix of the C in a folder, from its resources.json."""
+    return json.loads((folder / "resources.json").read_text(encoding="ascii"))["prefix"]
 
 
 def cppcheck(folder: Path) -> list[Finding]:

@@ -1,7 +1,7 @@
 """Compile and run the unit tests of generated folders: ``python c_tests/run.py [FOLDER ...]``.
 
 Default: every folder in generated/. Each is compiled with every warning an error, optimised and under
-sanitizers, with the tests of test_observer.c and with its own golden test; then all of them in one binary.
+sanitizers, with the unit tests and with its own golden test; then all of them in one binary.
 Needs nothing but Python and gcc.
 """
 
@@ -18,6 +18,7 @@ WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion
             "-Wfloat-equal", "-Wvla", "-Walloca", "-Wshadow", "-Wundef", "-Wstrict-prototypes", "-Wmissing-prototypes",
             "-Wcast-align=strict", "-Wcast-qual", "-Wswitch-enum", "-Wswitch-default", "-Wnull-dereference",
             "-Wduplicated-cond", "-Wduplicated-branches", "-Wlogical-op", "-Werror"]
+UNIT_TESTS = tuple(HERE / f"test_{name}.c" for name in ("observer", "supervisor", "ranges"))
 BUILDS = {
     "optimised": ["-O2"],
     "sanitized": ["-O1", "-g", "-fsanitize=address,undefined,bounds-strict", "-fno-sanitize-recover=all"],
@@ -34,9 +35,15 @@ def case(record: dict) -> str:
     suffix = "F" if record["real"] == "float32" else ""
     supervision = record["supervision"]
     values = {f"CASE_{name.upper()}": "{ " + ", ".join(f"{v!r}{suffix}" for v in record["ranges"][name]) + " }"
-              for name in ("u_lo", "u_hi", "y_lo", "y_hi")}
-    values |= {"CASE_NU": str(record["n_u"]), "CASE_STATE_BYTES": f"{record['state_bytes']}U",
-               "CASE_DEBOUNCE_M": str(supervision["debounce"][0]), "CASE_HOLD": str(supervision["hold"])}
+              for name in ("u_lo", "u_hi", "y_lo", "y_hi", "x_lo", "x_hi", "x0_lo", "x0_hi")}
+    members = {name for name, _, _ in record["state"]}
+    numbers = {name: supervision[name] for name in ("dwell_add", "dwell_drain", "dwell_limit", "hold")}
+    numbers |= {"state_bytes": record["state_bytes"], "recover": max(supervision["recover"], 1),
+                "debounce_m": supervision["debounce"][0], "debounce_n": supervision["debounce"][1]}
+    flags = {"nu": record["n_u"], "latch": supervision["latch"], "has_phase": "phase" in members,
+             "has_mode": "mode" in members, "counts_hold": "hold" in members}
+    values |= {f"CASE_{name.upper()}": f"{value}U" for name, value in numbers.items()}
+    values |= {f"CASE_{name.upper()}": f"{int(value)}" for name, value in flags.items()}
     return "\n".join(["#ifndef CASE_H", "#define CASE_H", f'#include "{record["prefix"]}.h"',
                       f"#define T(name) {record['prefix']}_##name", f"#define M(name) {record['macro']}_##name",
                       *(f"#define {name} {value}" for name, value in values.items()), "#endif", ""])
@@ -62,7 +69,7 @@ def check_folder(folder: Path, scratch: Path, builds=tuple(BUILDS)) -> list[str]
     paths = [f"-I{scratch}", f"-I{folder}", f"-I{HERE}"]
     failures = []
     for build in builds:
-        for test in (HERE / "test_observer.c", folder / f"test_{prefix}.c"):
+        for test in (*UNIT_TESTS, folder / f"test_{prefix}.c"):
             wrong = compile_and_run([folder / f"{prefix}.c", test], [*paths, *BUILDS[build]], scratch)
             failures += [f"{folder.name}, {test.name}, {build}: {wrong}"] if wrong else []
     return failures

@@ -2,55 +2,7 @@
  * Unit tests that every generated observer must pass, whatever its plant. run.py writes case.h, which names
  * the design under test (T: its prefix, M: its macros), its declared ranges and its supervisor's settings.
  */
-#include "case.h"
-#include "check.h"
-
-/* The last state of a quiet run, so that each test starts from a used observer. */
-typedef struct {
-    T(state) s;
-    T(in) in;
-    T(out) out;
-} bench;
-
-#if CASE_NU > 0
-static const T(real) u_lo[] = CASE_U_LO;
-static const T(real) u_hi[] = CASE_U_HI;
-#endif
-static const T(real) y_lo[] = CASE_Y_LO;
-static const T(real) y_hi[] = CASE_Y_HI;
-
-static T(real) not_a_number(void)
-{
-    static volatile T(real) zero = 0;
-
-    return zero / zero;
-}
-
-/* All bytes, padding too, so that comparing bytes compares values. */
-static void wipe(bench *b)
-{
-    unsigned char *byte = (unsigned char *)b;
-
-    for (uint32_t i = 0U; i < sizeof(*b); i++)
-    {
-        byte[i] = 0U;
-    }
-}
-
-static void inputs_in_the_middle(T(in) *in)
-{
-#if CASE_NU > 0
-    for (uint32_t i = 0U; i < M(NU); i++)
-    {
-        in->u[i] = (u_lo[i] / 2) + (u_hi[i] / 2);
-    }
-#endif
-    for (uint32_t i = 0U; i < M(NY); i++)
-    {
-        in->y[i] = (y_lo[i] / 2) + (y_hi[i] / 2);
-    }
-    in->mode = 0U;
-}
+#include "bench.h"
 
 /* Choose y in the middle of its bounds, found by a trial on a copy. Returns whether every y is in its range. */
 static int measure_quietly(bench *b)
@@ -67,13 +19,6 @@ static int measure_quietly(bench *b)
         within &= ((b->in.y[i] >= y_lo[i]) && (b->in.y[i] <= y_hi[i])) ? 1 : 0;
     }
     return within;
-}
-
-static void start(bench *b)
-{
-    wipe(b);
-    inputs_in_the_middle(&b->in);
-    T(init)(&b->s);
 }
 
 /* Move one y so far from the middle that it must be outside its bounds; 0 if its range does not allow that. */
@@ -168,7 +113,7 @@ static int fault_latch_and_reset(void)
     {
         CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
         CHECK(((b.out.raw & bit) != 0U) && (b.out.assured == 0U));
-        CHECK(((b.out.alarm & bit) != 0U) == (CASE_DEBOUNCE_M == 1));
+        CHECK(((b.out.alarm & bit) != 0U) == (CASE_DEBOUNCE_M == 1U));
         CHECK(b.out.latched == b.out.alarm);
         if (b.out.alarm != 0U)
         {
@@ -177,7 +122,7 @@ static int fault_latch_and_reset(void)
             /* Without measurement there is no alarm, but it is not forgotten either. */
             CHECK(T(predict)(&b.s, &b.in, &b.out) == M(OK));
             CHECK((b.out.raw == 0U) && (b.out.alarm == 0U) && (b.out.latched == latched));
-            CHECK(b.out.assured == ((CASE_HOLD == 0) ? 1U : 0U));
+            CHECK(b.out.assured == ((CASE_HOLD == 0U) ? 1U : 0U));
             T(reset)(&b.s);
             CHECK(T(predict)(&b.s, &b.in, &b.out) == M(OK));
             CHECK((b.out.latched == 0U) && (b.out.assured == 1U));

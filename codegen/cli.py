@@ -12,6 +12,7 @@ from rich.console import Console
 
 from . import __version__, show
 from .errors import ResiduaError, ValidationError
+from .target.boards import BOARDS
 
 HELP = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 err = Console(stderr=True, highlight=False)
@@ -163,6 +164,19 @@ def certify(design_json):
     show.proved(made, recheck(made))
 
 
+@main.command("prove", context_settings=HELP)
+@click.argument("folder", type=click.Path(path_type=Path))
+def prove_(folder):
+    """Prove the C with Frama-C: no run-time error, all numbers finite, a box that no call leaves."""
+    from .target.prove import prove, require
+
+    with Progress() as progress:
+        progress("Frama-C Eva")
+        result = prove(folder)
+    show.proof(result)
+    require(result)
+
+
 @main.command(context_settings=HELP)
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.argument("log", type=click.Path(path_type=Path))
@@ -178,6 +192,39 @@ def replay(folder, log, out):
         progress("compiling")
         result = run_log(made, build(folder), log, out or folder / f"replay_{log.stem}", progress)
     show.replay(result)
+
+
+@main.command(context_settings=HELP)
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--board", "names", multiple=True, type=click.Choice(list(BOARDS)),
+              help="Only this board (may be repeated) [all whose compiler and simulator are installed].")
+def target(folder, names):
+    """Run the self-test on simulated boards; count instructions, flash and stack."""
+    from .emit.render import template_root
+    from .target.onboard import require, run_all
+
+    with Progress() as progress:
+        runs = run_all(folder, names, template_root() / "harness" / "board", progress)
+    show.target(runs)
+    require(runs)
+
+
+@main.command("fuzz", context_settings=HELP)
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--runs", type=click.IntRange(1), help="So many sequences of calls [50000, unless --seconds].")
+@click.option("--seconds", type=click.IntRange(1), help="So long at most.")
+@click.option("--seed", default=1, show_default=True, help="The same seed and runs try the same sequences.")
+def fuzz_(folder, runs, seconds, seed):
+    """Feed the C with random states and calls under sanitizers (libFuzzer)."""
+    from .emit.fuzzing import fuzz_harness
+    from .target.fuzz import fuzz, read_record, require
+
+    harness = fuzz_harness(read_record(folder))
+    with Progress() as progress:
+        progress("fuzzing")
+        found = fuzz(folder, harness, runs or (None if seconds else 50000), seconds, seed)
+    show.fuzzed(found)
+    require(found)
 
 
 @main.command(context_settings=HELP)

@@ -115,6 +115,33 @@ def replay(result) -> None:
     out.print(rows)
 
 
+def target(runs) -> None:
+    """Print what the simulated boards gave; instructions (AVR: clock cycles) from least to most."""
+    def span(count):
+        return "-" if not count.calls else f"{count.least}" if count.least == count.most else \
+            f"{count.least}-{count.most}"
+
+    rows = table("golden self-test on simulated boards; instructions per call over its samples (AVR: cycles)", "board",
+                 "what", "== host", "step", "ordinary step", "predict", "flash", "stack", "state")
+    for r in runs:
+        rows.add_row(r.board, r.words, "yes" if r.passed else "NO",
+                     *(span(r.counts[kind]) for kind in ("step", "ordinary", "predict")), str(r.flash_bytes),
+                     "-" if r.stack_bytes is None else str(r.stack_bytes), str(r.state_bytes))
+    out.print(rows)
+
+
+def proof(result) -> None:
+    """Print what Frama-C proved, per function, and what it did not."""
+    rows = table("proved by Frama-C Eva", "function", "contracts and assertions")
+    for name, count in sorted(result.properties.items()):
+        rows.add_row(name, str(count))
+    out.print(rows)
+    for alarm in result.alarms[:20]:  # those that others follow from come last
+        out.print(f"not proved: {alarm}", markup=False)
+    out.print(f"{sum(result.properties.values())} properties in {result.seconds:.1f} s, {result.coverage} % of the C "
+              f"reached, {len(result.alarms)} alarms (Frama-C {result.version})")
+
+
 def methods(entries) -> None:
     """Print METHODS."""
     rows = table("methods", "method", "what", "plants", "source")
@@ -129,3 +156,9 @@ def gallery(plants: list[Plant]) -> None:
     for p in plants:
         rows.add_row(p.name, p.title, str(p.n_modes), str(p.n_x), p.source)
     out.print(rows)
+
+
+def fuzzed(found) -> None:
+    """What fuzzing ran."""
+    out.print(f"{found.folder}: {found.runs} sequences of calls, {found.edges} edges of the code reached, "
+              f"{'a failure' if found.message else 'no failure'}")

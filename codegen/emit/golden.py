@@ -1,7 +1,8 @@
 """Golden vectors: a short run of the numpy reference, for the unit test that a user runs on the target.
 
 The run visits every mode and has samples within bounds, samples at the ends of the measurement ranges
-(faults), missing measurements, and then a quiet stretch in which the guarantee returns. It need not be a
+(faults), missing measurements, a quiet stretch in which the guarantee returns, and then in each mode a missing
+measurement between two good ones, so that each coefficient of each map matters to some number. It need not be a
 possible run of the plant: its purpose is to notice a compiler, an option or a machine that calculates
 differently.
 """
@@ -43,8 +44,18 @@ class Vector:
 
 
 def steps_of(n_modes: int) -> int:
-    """Length of the run: each mode twice, switching at each sample, then 28 samples of slow switching."""
+    """Length of the run: each mode twice, switching at each sample, 28 samples of slow switching, the tail."""
+    return tail_of(n_modes) + 3 * n_modes
+
+
+def tail_of(n_modes: int) -> int:
+    """First sample of the tail: each mode for three samples, the middle one without measurement."""
     return 2 * n_modes + 36
+
+
+def is_missing(k: int, n_modes: int) -> bool:
+    """Whether sample k has no measurement."""
+    return k in MISSING or (k >= tail_of(n_modes) and (k - tail_of(n_modes)) % 3 == 1)
 
 
 def stimulus(observer, t) -> tuple[Array, Array, Array]:
@@ -55,20 +66,21 @@ def stimulus(observer, t) -> tuple[Array, Array, Array]:
         drawn = [a + (b - a) * draw.random() for a, b in zip(lo.astype(float), hi.astype(float))]
         return np.clip(np.array(drawn, dtype=t.dtype), lo, hi)
 
-    steps = steps_of(n_modes)
+    steps, tail = steps_of(n_modes), tail_of(n_modes)
     u, y, q = np.zeros((steps, len(t.u_lo)), t.dtype), np.zeros((steps, len(t.y_lo)), t.dtype), np.zeros(steps, int)
     observer = copy(observer)
     observer.start(t, 1)
     for k in range(steps):
-        q[k] = k // 2 if k < 2 * n_modes else draw.randrange(n_modes) if k < steps - 28 or k % 6 == 0 else q[k - 1]
+        q[k] = k // 2 if k < 2 * n_modes else draw.randrange(n_modes) if k < tail - 28 or k % 6 == 0 else q[k - 1]
+        q[k] = (k - tail) // 3 if k >= tail else q[k]
         u[k] = between(t.u_lo, t.u_hi)
-        y[k] = _within_bounds(observer, t, u[k], q[k], between(t.y_lo, t.y_hi))
         if k in RESETS:
             observer.reset(t, np.array([True]))
+        y[k] = _within_bounds(observer, t, u[k], q[k], between(t.y_lo, t.y_hi))
         if k in FAULTS:
             y[k] = np.where([draw.random() < 0.5 for _ in y[k]], t.y_lo, t.y_hi)
-        _sample(observer, t, u[k], y[k], q[k], k not in MISSING)
-        y[k] = np.nan if k in MISSING else y[k]
+        _sample(observer, t, u[k], y[k], q[k], not is_missing(k, n_modes))
+        y[k] = np.nan if is_missing(k, n_modes) else y[k]
     return u, y, q
 
 
@@ -80,11 +92,34 @@ def _sample(observer, t, u: Array, y: Array, q: int, measured: bool) -> Trace:
 
 
 def _within_bounds(observer, t, u: Array, q: int, y: Array) -> Array:
-    """Return a measurement a little off the middle of its bounds; a trial with ``y`` on a copy finds them."""
-    trial = copy(observer)
-    trial.guard = copy(observer.guard)  # its arrays are replaced at each sample, never written to
-    out = _sample(trial, t, u, y, q, True)
-    return np.clip(y + (0.45 * out.r_lo[0] + 0.55 * out.r_hi[0]), t.y_lo, t.y_hi).astype(t.dtype)
+    """Return a measurement a little off the middle of its bounds; trials on copies find it.
+
+    Framers that use the measurement of the same sample (N y+) move with it: the residual is affine in y, with a
+    slope that is measured too.
+    """
+    def offset(y: Array) -> Array:
+        trial = copy(observer)
+        trial.guard = copy(observer.guard)  # its arrays are replaced at each sample, never written to
+        out = _sample(trial, t, u, y, q, True)
+        return (0.45 * out.r_lo[0] + 0.55 * out.r_hi[0]).astype(float)
+
+    here = offset(y)
+    aside = np.where(y < t.y_lo / 2 + t.y_hi / 2, 0.25, -0.25) * (t.y_hi - t.y_lo)
+    slope = np.array([(offset((y + a).astype(t.dtype)) - here) / a.sum() for a in np.diag(aside)]).T
+    return np.clip(y - _solve(slope, here), t.y_lo, t.y_hi).astype(t.dtype)
+
+
+def _solve(A: Array, b: Array) -> Array:
+    """Solve A x = b by elimination, the same bits on every machine, which LAPACK does not promise."""
+    M = np.column_stack([A, b])
+    for j in range(len(b)):
+        pivot = j + int(np.argmax(np.abs(M[j:, j])))
+        M[[j, pivot]] = M[[pivot, j]]
+        if M[j, j] != 0.0:  # else this measurement moves nothing: leave it
+            M[j] = M[j] / M[j, j]
+            for i in range(len(b)):
+                M[i] = M[i] - (M[i, j] if i != j else 0.0) * M[j]
+    return M[:, -1]
 
 
 def vectors(design, real: str) -> tuple[Vector, ...]:

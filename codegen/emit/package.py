@@ -14,6 +14,7 @@ from .. import __version__
 from ..errors import EmitError
 from ..target import metrics
 from . import golden
+from .harness import harness
 from .render import render
 from .view import DesignView, build
 
@@ -52,6 +53,7 @@ def files(design, real: str | None = None, layout: str | None = None, measure: b
            f"{d.prefix}.c": render(f"{d.family}.c.jinja", d=d),
            f"test_{d.prefix}.c": render("harness/test.c.jinja", d=d, vectors=golden.vectors(design, d.real),
                                         refusals=golden.refusals(t, d.macro), spare=spare),
+           f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d)),
            "CMakeLists.txt": render("package/CMakeLists.txt.jinja", d=d)}
     record = resources(d, design) | {"measured": metrics.measure(out, d.prefix) if measure else {}}
     return out | {"resources.json": json.dumps(record, indent=2) + "\n"}
@@ -182,7 +184,7 @@ def _own_files(made: Path) -> set[str]:
         prefix = json.loads((made / "resources.json").read_text(encoding="ascii"))["prefix"]
     except (OSError, ValueError, KeyError, TypeError):
         return set()
-    return {f"{prefix}.c", f"{prefix}.h", f"test_{prefix}.c"}
+    return {f"{prefix}.c", f"{prefix}.h", f"test_{prefix}.c", f"prove_{prefix}.c"}
 
 
 def _exchange(a: Path, b: Path) -> bool:

@@ -127,7 +127,8 @@ class DesignView:
     hold: tuple[str, ...]
     dwell: tuple[Dwell, ...]
     remember: tuple[str, ...]
-    undisturbed: str
+    assured: str
+    assured_blind: str
 
 
 def build(design, real: str | None = None, layout: str | None = None, version: str = "") -> DesignView:
@@ -176,6 +177,8 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
     text = Manual(manual.banner(design, target.prefix, real, layout, version), manual.about(plant),
                   manual.proved(design, real), manual.assumed(design, t, s.monitors_dwell),
                   manual.alarm(s, target.prefix), manual.dwell(s), _resources(fields.size, operations))
+    quiet = [*["(s->hold == 0U)"] * s.counts_hold, *["(s->latched == 0U)"] * s.latch,
+             *["(s->too_fast == 0U)"] * s.monitors_dwell]
     modes = tuple(Channel(i, macro, name, "") for i, (macro, name) in enumerate(zip(names.mode_macros, names.modes)))
     return DesignView(
         prefix=names.prefix, macro=names.macro, real=real, c_type=C_TYPE[real], layout=layout,
@@ -194,8 +197,13 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         recover=max(s.recover, 1), hold=(f"{s.hold}U",) if s.counts_hold else (),
         dwell=(Dwell(f"{s.dwell_add}U", f"{s.dwell_drain}U", f"{s.dwell_limit}U"),) if s.monitors_dwell else (),
         remember=("s->mode = in->mode;",) if fields.has_mode else (),
-        undisturbed=" && ".join([*["(s->hold == 0U)"] * s.counts_hold, *["(s->latched == 0U)"] * s.latch,
-                                 *["(s->too_fast == 0U)"] * s.monitors_dwell]))
+        assured=_truth(["(!fault)", *quiet]), assured_blind=_truth(quiet))
+
+
+def _truth(conditions: list[str]) -> str:
+    """Print the conjunction as 0 or 1; 1 where there is no condition."""
+    return f"({' && '.join(conditions)}) ? 1U : 0U" if len(conditions) > 1 else (
+        f"{conditions[0]} ? 1U : 0U" if conditions else "1U")
 
 
 def _check_choice(what: str, value: str, known) -> None:

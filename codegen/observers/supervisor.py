@@ -53,8 +53,8 @@ class Supervision:
 
     @property
     def counts_hold(self) -> bool:
-        """Whether the hold time matters: where every sample outside is latched, the latch says more."""
-        return not (self.latch and self.debounce[0] == 1)
+        """Whether there is a hold time that matters: where every sample outside is latched, the latch says more."""
+        return self.hold > 0 and not (self.latch and self.debounce[0] == 1)
 
     def to_dict(self) -> dict:
         """Return a plain dict for design.json."""

@@ -151,7 +151,8 @@ def links(folder: Path, prefix: str) -> tuple[Link, ...]:
         Sorted by name.
     """
     known = FILES | {f"{prefix}.h": "the interface, and the manual", f"{prefix}.c": "the observer",
-                     f"test_{prefix}.c": "unit test with vectors of the reference; runs on the target too"}
+                     f"test_{prefix}.c": "unit test with vectors of the reference; runs on the target too",
+                     f"prove_{prefix}.c": "harness for Frama-C: residua prove"}
     names = sorted(p.name for p in Path(folder).iterdir() if p.is_file())
     return tuple(Link(name, known.get(name, "")) for name in names
                  if name != "report.html" and not name.startswith(".") and not name.endswith(".part"))

@@ -82,7 +82,7 @@ static cart_status cart_check(const cart_in *in)
 
 static cart_real cart_clip(cart_real value, cart_real least, cart_real most)
 {
-    cart_real result = value;
+    cart_real result;
 
     if (value < least)
     {
@@ -94,7 +94,7 @@ static cart_real cart_clip(cart_real value, cart_real least, cart_real most)
     }
     else
     {
-        /* within the range already */
+        result = value;
     }
     return result;
 }
@@ -220,17 +220,14 @@ static bool cart_judge(cart_state *s, cart_out *out, uint32_t raw)
     const uint32_t alarm = raw;
 
     s->latched = s->latched | alarm;
-    if (fault)
+    if (fault && ((s->run + 1U) < 50U))
     {
         s->run++;
-        again = (s->run >= 50U);
+        again = false;
     }
     else
     {
-        again = (s->run > 0U);
-    }
-    if (again || (!fault))
-    {
+        again = fault || (s->run > 0U);
         s->run = 0U;
     }
     out->raw = raw;
@@ -250,7 +247,7 @@ static void cart_no_residual(const cart_state *s, cart_out *out)
     out->raw = 0U;
     out->alarm = 0U;
     out->latched = s->latched;
-    out->assured = ((s->latched == 0U)) ? 1U : 0U;
+    out->assured = (s->latched == 0U) ? 1U : 0U;
 }
 
 /*

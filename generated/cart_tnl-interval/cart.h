@@ -177,11 +177,21 @@ typedef struct {
  *     speed in [-0.1, 0.1]
  * Use it when the plant is known to be there; else cart_reset.
  */
+/*@ requires \valid(s);
+  @ assigns *s;
+  @*/
 void cart_init(cart_state *s);
 
 /*
  * One sample with its measurement. Reads *in (not modified); writes *s and *out if the answer is OK.
  */
+/*@ requires \valid(s) && \valid_read(in) && \valid(out) && \separated(s, in, out);
+  @ assigns *s, *out;
+  @ ensures CART_OK <= \result <= CART_BAD_OUTPUT;
+  @ behavior no_mode:
+  @   assumes in->mode >= CART_MODES;
+  @   ensures \result == CART_BAD_MODE;
+  @*/
 cart_status cart_step(cart_state *s, const cart_in *in, cart_out *out);
 
 /*
@@ -189,12 +199,22 @@ cart_status cart_step(cart_state *s, const cart_in *in, cart_out *out);
  * the plant's model alone and stay guaranteed, only wider. There is no residual: r_lo, r_hi, raw and alarm
  * are 0, and the alarm's debounce and latch stand still.
  */
+/*@ requires \valid(s) && \valid_read(in) && \valid(out) && \separated(s, in, out);
+  @ assigns *s, *out;
+  @ ensures CART_OK <= \result <= CART_BAD_INPUT;
+  @ behavior no_mode:
+  @   assumes in->mode >= CART_MODES;
+  @   ensures \result == CART_BAD_MODE;
+  @*/
 cart_status cart_predict(cart_state *s, const cart_in *in, cart_out *out);
 
 /*
  * Start from the declared ranges of x, wherever the plant is in them; the mode history and all alarms,
  * latched ones too, are forgotten. Also acknowledges an alarm.
  */
+/*@ requires \valid(s);
+  @ assigns *s;
+  @*/
 void cart_reset(cart_state *s);
 
 #ifdef __cplusplus

@@ -82,7 +82,7 @@ static emps_status emps_check(const emps_in *in)
 
 static emps_real emps_clip(emps_real value, emps_real least, emps_real most)
 {
-    emps_real result = value;
+    emps_real result;
 
     if (value < least)
     {
@@ -94,7 +94,7 @@ static emps_real emps_clip(emps_real value, emps_real least, emps_real most)
     }
     else
     {
-        /* within the range already */
+        result = value;
     }
     return result;
 }
@@ -318,17 +318,24 @@ static bool emps_judge(emps_state *s, emps_out *out, uint32_t raw)
     s->latched = alarm;
     if (fault)
     {
-        s->run++;
         s->hold = 10U;
-        again = (s->run >= 200U);
+    }
+    else if (s->hold > 0U)
+    {
+        s->hold--;
     }
     else
     {
-        again = (s->run > 0U);
-        s->hold -= (s->hold > 0U) ? 1U : 0U;
+        /* the hold time is over */
     }
-    if (again || (!fault))
+    if (fault && ((s->run + 1U) < 200U))
     {
+        s->run++;
+        again = false;
+    }
+    else
+    {
+        again = fault || (s->run > 0U);
         s->run = 0U;
     }
     out->raw = raw;
@@ -348,7 +355,7 @@ static void emps_no_residual(const emps_state *s, emps_out *out)
     out->raw = 0U;
     out->alarm = 0U;
     out->latched = s->latched;
-    out->assured = ((s->hold == 0U)) ? 1U : 0U;
+    out->assured = (s->hold == 0U) ? 1U : 0U;
 }
 
 /*

@@ -185,11 +185,21 @@ typedef struct {
  *     speed in [-0.05, 0.05]
  * Use it when the plant is known to be there; else emps_reset.
  */
+/*@ requires \valid(s);
+  @ assigns *s;
+  @*/
 void emps_init(emps_state *s);
 
 /*
  * One sample with its measurement. Reads *in (not modified); writes *s and *out if the answer is OK.
  */
+/*@ requires \valid(s) && \valid_read(in) && \valid(out) && \separated(s, in, out);
+  @ assigns *s, *out;
+  @ ensures EMPS_OK <= \result <= EMPS_BAD_OUTPUT;
+  @ behavior no_mode:
+  @   assumes in->mode >= EMPS_MODES;
+  @   ensures \result == EMPS_BAD_MODE;
+  @*/
 emps_status emps_step(emps_state *s, const emps_in *in, emps_out *out);
 
 /*
@@ -197,12 +207,22 @@ emps_status emps_step(emps_state *s, const emps_in *in, emps_out *out);
  * the plant's model alone and stay guaranteed, only wider. There is no residual: r_lo, r_hi, raw and alarm
  * are 0, and the alarm's debounce and latch stand still.
  */
+/*@ requires \valid(s) && \valid_read(in) && \valid(out) && \separated(s, in, out);
+  @ assigns *s, *out;
+  @ ensures EMPS_OK <= \result <= EMPS_BAD_INPUT;
+  @ behavior no_mode:
+  @   assumes in->mode >= EMPS_MODES;
+  @   ensures \result == EMPS_BAD_MODE;
+  @*/
 emps_status emps_predict(emps_state *s, const emps_in *in, emps_out *out);
 
 /*
  * Start from the declared ranges of x, wherever the plant is in them; the mode history and all alarms,
  * latched ones too, are forgotten. Also acknowledges an alarm.
  */
+/*@ requires \valid(s);
+  @ assigns *s;
+  @*/
 void emps_reset(emps_state *s);
 
 #ifdef __cplusplus

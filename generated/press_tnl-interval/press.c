@@ -59,12 +59,9 @@ static bool press_u_accepted(const press_in *in)
     };
     bool accepted = true;
 
-    for (uint32_t i = 0U; i < PRESS_NU; i++)
+    for (uint32_t i = 0U; accepted && (i < PRESS_NU); i++)
     {
-        if (!((in->u[i] >= least[i]) && (in->u[i] <= most[i])))
-        {
-            accepted = false;
-        }
+        accepted = (in->u[i] >= least[i]) && (in->u[i] <= most[i]);
     }
     return accepted;
 }
@@ -86,12 +83,9 @@ static bool press_y_accepted(const press_in *in)
     };
     bool accepted = true;
 
-    for (uint32_t i = 0U; i < PRESS_NY; i++)
+    for (uint32_t i = 0U; accepted && (i < PRESS_NY); i++)
     {
-        if (!((in->y[i] >= least[i]) && (in->y[i] <= most[i])))
-        {
-            accepted = false;
-        }
+        accepted = (in->y[i] >= least[i]) && (in->y[i] <= most[i]);
     }
     return accepted;
 }
@@ -120,7 +114,7 @@ static press_status press_check(const press_in *in)
 
 static press_real press_clip(press_real value, press_real least, press_real most)
 {
-    press_real result = value;
+    press_real result;
 
     if (value < least)
     {
@@ -132,7 +126,7 @@ static press_real press_clip(press_real value, press_real least, press_real most
     }
     else
     {
-        /* within the range already */
+        result = value;
     }
     return result;
 }
@@ -494,17 +488,24 @@ static bool press_judge(press_state *s, press_out *out, uint32_t raw)
     s->latched = s->latched | alarm;
     if (fault)
     {
-        s->run++;
         s->hold = 10U;
-        again = (s->run >= 50U);
+    }
+    else if (s->hold > 0U)
+    {
+        s->hold--;
     }
     else
     {
-        again = (s->run > 0U);
-        s->hold -= (s->hold > 0U) ? 1U : 0U;
+        /* the hold time is over */
     }
-    if (again || (!fault))
+    if (fault && ((s->run + 1U) < 50U))
     {
+        s->run++;
+        again = false;
+    }
+    else
+    {
+        again = fault || (s->run > 0U);
         s->run = 0U;
     }
     out->raw = raw;

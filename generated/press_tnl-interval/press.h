@@ -196,11 +196,21 @@ typedef struct {
  *     s4 in [2.0, 5.0]
  * Use it when the plant is known to be there; else press_reset.
  */
+/*@ requires \valid(s);
+  @ assigns *s;
+  @*/
 void press_init(press_state *s);
 
 /*
  * One sample with its measurement. Reads *in (not modified); writes *s and *out if the answer is OK.
  */
+/*@ requires \valid(s) && \valid_read(in) && \valid(out) && \separated(s, in, out);
+  @ assigns *s, *out;
+  @ ensures PRESS_OK <= \result <= PRESS_BAD_OUTPUT;
+  @ behavior no_mode:
+  @   assumes in->mode >= PRESS_MODES;
+  @   ensures \result == PRESS_BAD_MODE;
+  @*/
 press_status press_step(press_state *s, const press_in *in, press_out *out);
 
 /*
@@ -208,12 +218,22 @@ press_status press_step(press_state *s, const press_in *in, press_out *out);
  * the plant's model alone and stay guaranteed, only wider. There is no residual: r_lo, r_hi, raw and alarm
  * are 0, and the alarm's debounce and latch stand still.
  */
+/*@ requires \valid(s) && \valid_read(in) && \valid(out) && \separated(s, in, out);
+  @ assigns *s, *out;
+  @ ensures PRESS_OK <= \result <= PRESS_BAD_INPUT;
+  @ behavior no_mode:
+  @   assumes in->mode >= PRESS_MODES;
+  @   ensures \result == PRESS_BAD_MODE;
+  @*/
 press_status press_predict(press_state *s, const press_in *in, press_out *out);
 
 /*
  * Start from the declared ranges of x, wherever the plant is in them; the mode history and all alarms,
  * latched ones too, are forgotten. Also acknowledges an alarm.
  */
+/*@ requires \valid(s);
+  @ assigns *s;
+  @*/
 void press_reset(press_state *s);
 
 #ifdef __cplusplus

@@ -82,7 +82,7 @@ static relay_status relay_check(const relay_in *in)
 
 static relay_real relay_clip(relay_real value, relay_real least, relay_real most)
 {
-    relay_real result = value;
+    relay_real result;
 
     if (value < least)
     {
@@ -94,7 +94,7 @@ static relay_real relay_clip(relay_real value, relay_real least, relay_real most
     }
     else
     {
-        /* within the range already */
+        result = value;
     }
     return result;
 }
@@ -267,17 +267,14 @@ static bool relay_judge(relay_state *s, relay_out *out, uint32_t raw)
     const uint32_t alarm = raw;
 
     s->latched = s->latched | alarm;
-    if (fault)
+    if (fault && ((s->run + 1U) < 50U))
     {
         s->run++;
-        again = (s->run >= 50U);
+        again = false;
     }
     else
     {
-        again = (s->run > 0U);
-    }
-    if (again || (!fault))
-    {
+        again = fault || (s->run > 0U);
         s->run = 0U;
     }
     out->raw = raw;
@@ -306,7 +303,14 @@ static void relay_no_residual(const relay_state *s, relay_out *out)
  */
 static void relay_watch_dwell(relay_state *s, const relay_in *in)
 {
-    s->bucket -= (s->bucket > 1U) ? 1U : s->bucket;
+    if (s->bucket > 1U)
+    {
+        s->bucket -= 1U;
+    }
+    else
+    {
+        s->bucket = 0U;
+    }
     if ((s->mode < RELAY_MODES) && (in->mode != s->mode))
     {
         s->bucket += 3U;

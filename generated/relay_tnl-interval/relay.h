@@ -189,11 +189,21 @@ typedef struct {
  *     filter in [-0.2, 0.2]
  * Use it when the plant is known to be there; else relay_reset.
  */
+/*@ requires \valid(s);
+  @ assigns *s;
+  @*/
 void relay_init(relay_state *s);
 
 /*
  * One sample with its measurement. Reads *in (not modified); writes *s and *out if the answer is OK.
  */
+/*@ requires \valid(s) && \valid_read(in) && \valid(out) && \separated(s, in, out);
+  @ assigns *s, *out;
+  @ ensures RELAY_OK <= \result <= RELAY_BAD_OUTPUT;
+  @ behavior no_mode:
+  @   assumes in->mode >= RELAY_MODES;
+  @   ensures \result == RELAY_BAD_MODE;
+  @*/
 relay_status relay_step(relay_state *s, const relay_in *in, relay_out *out);
 
 /*
@@ -201,12 +211,22 @@ relay_status relay_step(relay_state *s, const relay_in *in, relay_out *out);
  * the plant's model alone and stay guaranteed, only wider. There is no residual: r_lo, r_hi, raw and alarm
  * are 0, and the alarm's debounce and latch stand still.
  */
+/*@ requires \valid(s) && \valid_read(in) && \valid(out) && \separated(s, in, out);
+  @ assigns *s, *out;
+  @ ensures RELAY_OK <= \result <= RELAY_BAD_INPUT;
+  @ behavior no_mode:
+  @   assumes in->mode >= RELAY_MODES;
+  @   ensures \result == RELAY_BAD_MODE;
+  @*/
 relay_status relay_predict(relay_state *s, const relay_in *in, relay_out *out);
 
 /*
  * Start from the declared ranges of x, wherever the plant is in them; the mode history and all alarms,
  * latched ones too, are forgotten. Also acknowledges an alarm.
  */
+/*@ requires \valid(s);
+  @ assigns *s;
+  @*/
 void relay_reset(relay_state *s);
 
 #ifdef __cplusplus

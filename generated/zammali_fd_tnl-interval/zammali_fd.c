@@ -83,7 +83,7 @@ static zammali_fd_status zammali_fd_check(const zammali_fd_in *in)
 
 static zammali_fd_real zammali_fd_clip(zammali_fd_real value, zammali_fd_real least, zammali_fd_real most)
 {
-    zammali_fd_real result = value;
+    zammali_fd_real result;
 
     if (value < least)
     {
@@ -95,7 +95,7 @@ static zammali_fd_real zammali_fd_clip(zammali_fd_real value, zammali_fd_real le
     }
     else
     {
-        /* within the range already */
+        result = value;
     }
     return result;
 }
@@ -309,17 +309,14 @@ static bool zammali_fd_judge(zammali_fd_state *s, zammali_fd_out *out, uint32_t 
     const uint32_t alarm = raw;
 
     s->latched = s->latched | alarm;
-    if (fault)
+    if (fault && ((s->run + 1U) < 50U))
     {
         s->run++;
-        again = (s->run >= 50U);
+        again = false;
     }
     else
     {
-        again = (s->run > 0U);
-    }
-    if (again || (!fault))
-    {
+        again = fault || (s->run > 0U);
         s->run = 0U;
     }
     out->raw = raw;
@@ -341,7 +338,7 @@ static void zammali_fd_no_residual(const zammali_fd_state *s, zammali_fd_out *ou
     out->raw = 0U;
     out->alarm = 0U;
     out->latched = s->latched;
-    out->assured = ((s->latched == 0U)) ? 1U : 0U;
+    out->assured = (s->latched == 0U) ? 1U : 0U;
 }
 
 /*

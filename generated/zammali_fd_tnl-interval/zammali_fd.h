@@ -183,11 +183,21 @@ typedef struct {
  *     x3 in [-0.1, 0.1]
  * Use it when the plant is known to be there; else zammali_fd_reset.
  */
+/*@ requires \valid(s);
+  @ assigns *s;
+  @*/
 void zammali_fd_init(zammali_fd_state *s);
 
 /*
  * One sample with its measurement. Reads *in (not modified); writes *s and *out if the answer is OK.
  */
+/*@ requires \valid(s) && \valid_read(in) && \valid(out) && \separated(s, in, out);
+  @ assigns *s, *out;
+  @ ensures ZAMMALI_FD_OK <= \result <= ZAMMALI_FD_BAD_OUTPUT;
+  @ behavior no_mode:
+  @   assumes in->mode >= ZAMMALI_FD_MODES;
+  @   ensures \result == ZAMMALI_FD_BAD_MODE;
+  @*/
 zammali_fd_status zammali_fd_step(zammali_fd_state *s, const zammali_fd_in *in, zammali_fd_out *out);
 
 /*
@@ -195,12 +205,22 @@ zammali_fd_status zammali_fd_step(zammali_fd_state *s, const zammali_fd_in *in, 
  * the plant's model alone and stay guaranteed, only wider. There is no residual: r_lo, r_hi, raw and alarm
  * are 0, and the alarm's debounce and latch stand still.
  */
+/*@ requires \valid(s) && \valid_read(in) && \valid(out) && \separated(s, in, out);
+  @ assigns *s, *out;
+  @ ensures ZAMMALI_FD_OK <= \result <= ZAMMALI_FD_BAD_INPUT;
+  @ behavior no_mode:
+  @   assumes in->mode >= ZAMMALI_FD_MODES;
+  @   ensures \result == ZAMMALI_FD_BAD_MODE;
+  @*/
 zammali_fd_status zammali_fd_predict(zammali_fd_state *s, const zammali_fd_in *in, zammali_fd_out *out);
 
 /*
  * Start from the declared ranges of x, wherever the plant is in them; the mode history and all alarms,
  * latched ones too, are forgotten. Also acknowledges an alarm.
  */
+/*@ requires \valid(s);
+  @ assigns *s;
+  @*/
 void zammali_fd_reset(zammali_fd_state *s);
 
 #ifdef __cplusplus

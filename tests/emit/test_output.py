@@ -29,7 +29,7 @@ def test_version_is_the_packages():
 def test_nothing_leaks(family, variant, layout, real):
     design = stand_in(family, prefix="cart", **VARIANTS[variant])
     texts = files(design, real, layout, measure=False)
-    assert set(texts) == {"cart.h", "cart.c", "test_cart.c", "CMakeLists.txt", "resources.json"}
+    assert set(texts) == {"cart.h", "cart.c", "test_cart.c", "prove_cart.c", "CMakeLists.txt", "resources.json"}
     for name, text in texts.items():
         assert text.isascii() and text.endswith("\n") and not text.endswith("\n\n"), name
         assert not re.search(r"object at 0x|\bnan\b|\binf\b|\{\{|\{%|%\}|None|np\.|array\(|\bUndefined\b", text), name
@@ -102,7 +102,7 @@ def test_no_name_of_the_plant_is_trusted():
 def test_golden_vectors_reach_everything(family):
     """Alarms come and go, the latch holds, the guarantee is lost and returns, every mode is visited."""
     vectors = golden.vectors(stand_in(family), "float32")
-    assert {v.mode for v in vectors} == {0, 1, 2} and sum(not v.call for v in vectors) == 3
+    assert {v.mode for v in vectors} == {0, 1, 2} and sum(not v.call for v in vectors) >= 3
     assert any(v.raw for v in vectors) and any(v.call and v.latched and not v.alarm for v in vectors)
     assured = [v.assured for v in vectors]
     assert assured[0] == 1 and assured[-1] == 1 and 0 in assured

@@ -48,9 +48,9 @@ MUTANTS = {  # what a generator might get wrong, and who must notice: the hand-w
                      r"!((in->y[1] < \1) || (in->y[1] > \2))", "observer"),
     "output written on refusal": (r"status = CART_BAD_OUTPUT;", "status = CART_BAD_OUTPUT; out->raw = 9U;", "observer"),
     "latch lost": (r"s->latched = s->latched \| alarm;", "s->latched = alarm;", "golden"),
-    "latch cleared by predict": (r"out->latched = s->latched;\n(?=    out->assured = \(\(s)", "out->latched = 0U;\n",
+    "latch cleared by predict": (r"out->latched = s->latched;\n(?=    out->assured = \(s)", "out->latched = 0U;\n",
                                  "observer"),
-    "recovery": (r"again = \(s->run > 0U\);", "again = false;", "golden"),
+    "recovery": (r"again = fault \|\| \(s->run > 0U\);", "again = fault;", "golden"),
     "assured over a latch": (r"\(\(!fault\) && \(s->latched == 0U\)\)", "(!fault)", "golden"),
     "residual sign": (r"r_hi\[0\] < 0.0F|r_hi\[i\] < 0.0F", "r_hi[i] > 0.0F", "golden"),
 }

@@ -1,0 +1,77 @@
+/*
+ * bench.h: an observer with its input and output, and the plain things that tests do with one. run.py writes
+ * case.h, which names the design under test (T: its prefix, M: its macros), its ranges and its supervisor.
+ * Inline: not every test uses every function.
+ */
+#ifndef BENCH_H
+#define BENCH_H
+
+#include "case.h"
+#include "check.h"
+
+/* The last state of a quiet run, so that each test starts from a used observer. */
+typedef struct {
+    T(state) s;
+    T(in) in;
+    T(out) out;
+} bench;
+
+#if CASE_NU > 0
+static const T(real) u_lo[] = CASE_U_LO;
+static const T(real) u_hi[] = CASE_U_HI;
+#endif
+static const T(real) y_lo[] = CASE_Y_LO;
+static const T(real) y_hi[] = CASE_Y_HI;
+static const T(real) x_lo[] = CASE_X_LO;
+static const T(real) x_hi[] = CASE_X_HI;
+static const T(real) x0_lo[] = CASE_X0_LO;
+static const T(real) x0_hi[] = CASE_X0_HI;
+
+static inline T(real) not_a_number(void)
+{
+    static volatile T(real) zero = 0;
+
+    return zero / zero;
+}
+
+static inline T(real) huge(void)
+{
+    static volatile T(real) zero = 0;
+
+    return 1 / zero;
+}
+
+/* All bytes, padding too, so that comparing bytes compares values. */
+static inline void wipe(bench *b)
+{
+    unsigned char *byte = (unsigned char *)b;
+
+    for (uint32_t i = 0U; i < sizeof(*b); i++)
+    {
+        byte[i] = 0U;
+    }
+}
+
+static inline void inputs_in_the_middle(T(in) *in)
+{
+#if CASE_NU > 0
+    for (uint32_t i = 0U; i < M(NU); i++)
+    {
+        in->u[i] = (u_lo[i] / 2) + (u_hi[i] / 2);
+    }
+#endif
+    for (uint32_t i = 0U; i < M(NY); i++)
+    {
+        in->y[i] = (y_lo[i] / 2) + (y_hi[i] / 2);
+    }
+    in->mode = 0U;
+}
+
+static inline void start(bench *b)
+{
+    wipe(b);
+    inputs_in_the_middle(&b->in);
+    T(init)(&b->s);
+}
+
+#endif

@@ -1,0 +1,78 @@
+"""Compare every committed design with its budgets on simulated Cortex-M boards: ``python c_tests/budgets.py``.
+
+``--update`` measures anew and writes budgets.csv: the measured figures, 5 % and (stack) 8 bytes more, because the
+next version of a compiler may need a little more. Needs the package, gcc-arm-none-eabi and qemu-system-arm.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from pathlib import Path
+
+from codegen.target.onboard import TargetRun, run_on
+
+HERE = Path(__file__).resolve().parent
+TABLE = HERE / "budgets.csv"
+START = HERE.parent / "templates" / "harness" / "board"
+BOARDS = ("m3", "m4f", "m7")
+FIGURES = ("instructions", "flash_bytes", "stack_bytes")
+HOW = "If this is meant, run python c_tests/budgets.py --update and review the diff of budgets.csv."
+
+
+def folders() -> list[Path]:
+    """The committed designs."""
+    return sorted(p.parent for p in (HERE.parent / "generated").glob("*/resources.json"))
+
+
+def budgets() -> dict[tuple[str, str], dict[str, int]]:
+    """Read budgets.csv: (design, board) -> figure -> most that is allowed."""
+    with TABLE.open(newline="", encoding="ascii") as file:
+        return {(row["design"], row["board"]): {name: int(row[name]) for name in FIGURES}
+                for row in csv.DictReader(file)}
+
+
+def figures(result: TargetRun) -> dict[str, int]:
+    """What is held to a budget: the dearest step or predict, code with constants, deepest stack."""
+    return {"instructions": max(count.most for count in result.counts.values()),
+            "flash_bytes": result.flash_bytes, "stack_bytes": result.stack_bytes}
+
+
+def excess(design: str, result: TargetRun, allowed: dict | None) -> list[str]:
+    """Return what is above its budget, each as a sentence."""
+    if allowed is None:
+        return [f"{design} on {result.board}: no budget in budgets.csv. {HOW}"]
+    return [f"{design} on {result.board}: {name} {found}, budget {allowed[name]}. {HOW}"
+            for name, found in figures(result).items() if found is None or found > allowed[name]]
+
+
+def update() -> None:
+    """Write budgets.csv."""
+    with TABLE.open("w", newline="", encoding="ascii") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["design", "board", *FIGURES])
+        for folder in folders():
+            for board in BOARDS:
+                found = figures(run_on(folder, board, START))
+                found["stack_bytes"] += 8
+                writer.writerow([folder.name, board, *(-(-n * 105 // 100) for n in found.values())])
+
+
+def main(arguments: list[str]) -> int:
+    """Check, or update; return the exit status."""
+    if "--update" in arguments:
+        update()
+        return 0
+    allowed = budgets()
+    wrong = []
+    for folder in folders():
+        for board in BOARDS:
+            result = run_on(folder, board, START)
+            wrong += excess(folder.name, result, allowed.get((folder.name, board)))
+            wrong += [] if result.passed else [f"{folder.name} on {board}: differs from the host"]
+    print("\n".join(wrong) or f"{len(folders())} designs on {', '.join(BOARDS)}: all within their budgets")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,251 @@
+/*
+ * Ranges and framers: the ends of every declared range, the cut of the framers to the range of x, the edge of
+ * an alarm, and a state that an upset of the memory has spoilt.
+ */
+#include "bench.h"
+
+/* A little beyond an end, much less than one in a thousand of it. */
+static T(real) beyond(T(real) lo, T(real) hi, int above)
+{
+    const T(real) end = (above != 0) ? hi : lo;
+    const T(real) size = (end > 0) ? end : -end;
+    const T(real) by = ((size > 0) ? size : (hi - lo)) / 65536;
+
+    return (above != 0) ? (end + by) : (end - by);
+}
+
+/* Step and predict answer as told; refused calls change nothing. */
+static int answers(bench *b, T(status) step, T(status) predict)
+{
+    const bench before = *b;
+
+    CHECK(T(step)(&b->s, &b->in, &b->out) == step);
+    CHECK((step == M(OK)) || same_bytes(b, &before, sizeof(before)));
+    CHECK(T(predict)(&b->s, &b->in, &b->out) == predict);
+    CHECK((predict == M(OK)) || same_bytes(b, &before, sizeof(before)));
+    return 0;
+}
+
+/* One channel at both ends, beyond them, infinite and NaN; then back in the middle. */
+static int ends(bench *b, T(real) *channel, T(real) lo, T(real) hi, int is_input)
+{
+    const T(status) step = (is_input != 0) ? M(BAD_INPUT) : M(BAD_OUTPUT);
+    const T(status) predict = (is_input != 0) ? M(BAD_INPUT) : M(OK);
+    const T(real) middle = *channel;
+    const T(real) nan = not_a_number();
+    const T(real) bad[] = { beyond(lo, hi, 0), beyond(lo, hi, 1), nan, -huge(), huge() };
+
+    *channel = lo;
+    CHECK(answers(b, M(OK), M(OK)) == 0);
+    *channel = hi;
+    CHECK(answers(b, M(OK), M(OK)) == 0);
+    for (uint32_t i = 0U; i < (sizeof(bad) / sizeof(bad[0])); i++)
+    {
+        *channel = bad[i];
+        CHECK(answers(b, step, predict) == 0);
+    }
+    *channel = middle;
+    return 0;
+}
+
+static int every_end_of_every_range(void)
+{
+    bench b;
+
+    start(&b);
+    for (b.in.mode = 0U; b.in.mode < M(MODES); b.in.mode++)
+    {
+#if CASE_NU > 0
+        for (uint32_t i = 0U; i < M(NU); i++)
+        {
+            CHECK(ends(&b, &b.in.u[i], u_lo[i], u_hi[i], 1) == 0);
+        }
+#endif
+        for (uint32_t i = 0U; i < M(NY); i++)
+        {
+            CHECK(ends(&b, &b.in.y[i], y_lo[i], y_hi[i], 0) == 0);
+        }
+    }
+    CHECK(answers(&b, M(BAD_MODE), M(BAD_MODE)) == 0);
+    return 0;
+}
+
+/* What a state says that remembers nothing. */
+static int forgets(const T(state) *s)
+{
+#if CASE_HAS_PHASE
+    static const bench nothing;
+
+#if CASE_NU > 0
+    CHECK(same_bytes(s->u, nothing.s.u, sizeof(s->u)));
+#endif
+    CHECK(same_bytes(s->y, nothing.s.y, sizeof(s->y)) && (s->phase == 0U));
+#endif
+#if CASE_HAS_MODE
+    CHECK(s->mode == M(MODES));
+#endif
+#if CASE_DWELL_ADD > 0
+    CHECK((s->bucket == 0U) && (s->too_fast == 0U));
+#endif
+    CHECK((s->run == 0U) && (s->latched == 0U));
+    return 0;
+}
+
+static int init_and_reset_boxes(void)
+{
+    bench b;
+
+    start(&b);
+    CHECK(same_bytes(b.s.x_lo, x0_lo, sizeof(x0_lo)) && same_bytes(b.s.x_hi, x0_hi, sizeof(x0_hi)));
+    CHECK(forgets(&b.s) == 0);
+    CHECK(T(predict)(&b.s, &b.in, &b.out) == M(OK));
+    CHECK(same_bytes(b.out.x_lo, x0_lo, sizeof(x0_lo)) && same_bytes(b.out.x_hi, x0_hi, sizeof(x0_hi)));
+    T(reset)(&b.s);
+    CHECK(same_bytes(b.s.x_lo, x_lo, sizeof(x_lo)) && same_bytes(b.s.x_hi, x_hi, sizeof(x_hi)));
+    CHECK(forgets(&b.s) == 0);
+    return 0;
+}
+
+/* Framers of one state far off, the others in the middle; then a sample without measurement cuts them. */
+static void cut_from(bench *b, uint32_t mode, uint32_t which, int above)
+{
+    start(b);
+    b->in.mode = mode;
+    for (uint32_t i = 0U; i < M(NX); i++)
+    {
+        const T(real) far = (x_hi[i] - x_lo[i]) * 1000000;
+        const T(real) off = (above != 0) ? far : -far;
+
+        b->s.x_lo[i] = (x_lo[i] / 2) + (x_hi[i] / 2) + ((i == which) ? off : 0);
+        b->s.x_hi[i] = b->s.x_lo[i];
+    }
+    (void)T(predict)(&b->s, &b->in, &b->out);
+    (void)T(predict)(&b->s, &b->in, &b->out); /* its answer shows the framers that the first one left */
+}
+
+/* Not beyond the range, and on its very end if near it. */
+static int is_cut(T(real) value, T(real) lo, T(real) hi)
+{
+    const T(real) near = (hi - lo) / 100;
+
+    CHECK((value >= lo) && (value <= hi));
+    CHECK((value <= lo) || (value > (lo + near)));
+    CHECK((value >= hi) || (value < (hi - near)));
+    return 0;
+}
+
+/* Far above leads to one end of the range, far below to the other. */
+static int reaches_both(T(real) above, T(real) below, T(real) lo, T(real) hi)
+{
+    return ((above >= hi) && (below <= lo)) || ((above <= lo) && (below >= hi));
+}
+
+static int framers_are_cut(void)
+{
+    for (uint32_t n = 0U; n < (M(MODES) * M(NX)); n++)
+    {
+        bench a, b;
+
+        cut_from(&a, n / M(NX), n % M(NX), 1);
+        cut_from(&b, n / M(NX), n % M(NX), 0);
+        for (uint32_t i = 0U; i < M(NX); i++)
+        {
+            const int lower = reaches_both(a.out.x_lo[i], b.out.x_lo[i], x_lo[i], x_hi[i]);
+            const int upper = reaches_both(a.out.x_hi[i], b.out.x_hi[i], x_lo[i], x_hi[i]);
+
+            CHECK(lower == upper);
+            CHECK(is_cut(a.out.x_lo[i], x_lo[i], x_hi[i]) == 0);
+            CHECK(is_cut(a.out.x_hi[i], x_lo[i], x_hi[i]) == 0);
+            CHECK(is_cut(b.out.x_lo[i], x_lo[i], x_hi[i]) == 0);
+            CHECK(is_cut(b.out.x_hi[i], x_lo[i], x_hi[i]) == 0);
+        }
+    }
+    return 0;
+}
+
+/* A measurement just on its bound is no fault; one a hair beyond it is. */
+static int edge_of_an_alarm(void)
+{
+    for (uint32_t n = 0U; n < (M(NY) * 2U); n++)
+    {
+        const uint32_t i = n / 2U;
+        bench b, trial;
+        T(real) edge;
+
+        start(&b);
+        b.in.y[i] = 0;
+        trial = b;
+        if (T(step)(&trial.s, &trial.in, &trial.out) == M(OK))
+        {
+            edge = ((n % 2U) != 0U) ? trial.out.r_hi[i] : trial.out.r_lo[i];
+            b.in.y[i] = edge;
+            trial = b;
+            if ((edge > y_lo[i]) && (edge < y_hi[i]) && (T(step)(&trial.s, &trial.in, &trial.out) == M(OK)))
+            {
+                CHECK((trial.out.raw & ((uint32_t)1U << i)) == 0U);
+            }
+            b.in.y[i] = edge + ((((n % 2U) != 0U) ? 1 : -1) * (((edge > 0) ? edge : -edge) / 65536));
+            trial = b;
+            if (((edge > 0) || (edge < 0)) && (T(step)(&trial.s, &trial.in, &trial.out) == M(OK)))
+            {
+                CHECK((trial.out.raw & ((uint32_t)1U << i)) != 0U);
+            }
+        }
+    }
+    return 0;
+}
+
+#if CASE_HAS_PHASE
+/* Whether a step from a spoilt state is that from a state with some mode: no switch, no other table. */
+static int acts_as_some_mode(uint32_t mode, uint32_t phase)
+{
+    int found = 0;
+
+    for (uint32_t q = 0U; q < M(MODES); q++)
+    {
+        bench b, twin;
+
+        start(&b);
+        (void)T(step)(&b.s, &b.in, &b.out);
+        b.in.mode = q;
+        b.s.phase = phase;
+        twin = b;
+#if CASE_HAS_MODE
+        b.s.mode = mode;
+        twin.s.mode = q;
+#endif
+        (void)T(step)(&b.s, &b.in, &b.out);
+        (void)T(step)(&twin.s, &twin.in, &twin.out);
+        found |= same_bytes(&b, &twin, sizeof(b));
+    }
+    (void)mode;
+    return found;
+}
+
+static int spoilt_state(void)
+{
+    static const uint32_t phases[] = { 1U, 2U, 3U, 0xFFFFFFFFU };
+
+    for (uint32_t n = 0U; n < 4U; n++)
+    {
+        CHECK(acts_as_some_mode(M(MODES), phases[n]));
+        CHECK(acts_as_some_mode(0xFFFFFFFFU, phases[n]));
+    }
+    return 0;
+}
+#else
+static int spoilt_state(void)
+{
+    return 0;
+}
+#endif
+
+int main(void)
+{
+    RUN(every_end_of_every_range);
+    RUN(init_and_reset_boxes);
+    RUN(framers_are_cut);
+    RUN(edge_of_an_alarm);
+    RUN(spoilt_state);
+    return 0;
+}

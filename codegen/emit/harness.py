@@ -1,0 +1,129 @@
+"""What the Frama-C harness prints: any state of the box, any input, any refusal, as C text.
+
+The box is the one behind the rounding margins (``tables.box``); everything else of the state is within what
+the supervisor's settings allow. That no state beyond it ever arises is what Eva proves with the harness.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .cprint import initialiser, literal
+from .view import DesignView
+
+Array = np.ndarray
+INTERVAL = {"float32": "Frama_C_float_interval", "float64": "Frama_C_double_interval"}
+WIDE = 10.0  # so many times beyond their ranges inputs and measurements go
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number of the input struct: its member, the values that it is given, a comment."""
+
+    place: str
+    least: str
+    most: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Parted:
+    """A word of the state that is given one value after the other, and how many it has."""
+
+    name: str
+    count: str
+
+
+@dataclass(frozen=True)
+class HarnessView:
+    """Everything that ``prove_<prefix>.c`` has and the observer's own view has not.
+
+    ``least`` and ``most`` are initialisers of the state struct, one per member; ``numbers`` and ``words`` are
+    its elements by type.
+    """
+
+    interval: str
+    least: tuple[str, ...]
+    most: tuple[str, ...]
+    numbers: tuple[str, ...]
+    words: tuple[str, ...]
+    parted: tuple[Parted, ...]
+    answers: tuple[str, ...]
+    wide: tuple[Number, ...]
+    good: tuple[Number, ...]
+    beyond_u: tuple[Number, ...]
+    beyond_y: tuple[Number, ...]
+
+
+def harness(design, d: DesignView) -> HarnessView:
+    """Decide everything about the Frama-C harness of a design.
+
+    Parameters
+    ----------
+    design : Design
+    d : DesignView
+
+    Returns
+    -------
+    view : HarnessView
+    """
+    t, s = design.observer.tables[d.real], design.observer.supervision
+    vectors = (("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi))
+    # Zero is what init and reset store as u and y, until the first sample.
+    numbers = {"x_lo": (-t.box, t.box), "x_hi": (-t.box, t.box),
+               **{name: (np.minimum(lo, 0), np.maximum(hi, 0)) for name, lo, hi in vectors}}
+    words = {"mode": len(d.modes), "phase": 2, "bucket": s.dwell_limit, "too_fast": 1, "run": max(s.recover, 1) - 1,
+             "hold": s.hold, "history": 2 ** s.debounce[1] - 1, "latched": 2 ** len(d.bits) - 1, "spare": 0}
+    bits = len(d.bits)
+    least = tuple(initialiser(numbers[f.name][0], d.real) if f.name in numbers else _words(0, f.size, bits)
+                  for f in d.state_fields)
+    most = tuple(initialiser(numbers[f.name][1], d.real) if f.name in numbers else _words(words[f.name], f.size, bits)
+                 for f in d.state_fields)
+    apart = [f.name for f in d.state_fields if f.name in ("mode", "phase")]
+    return HarnessView(
+        interval=INTERVAL[d.real], least=least, most=most,
+        numbers=_places(d, [f for f in d.state_fields if f.name in numbers]),
+        words=_places(d, [f for f in d.state_fields if f.name in words]),
+        parted=tuple(Parted(name, f"{words[name] + 1}U") for name in apart), answers=_places(d, d.out_fields),
+        wide=tuple(n for v, lo, hi in vectors for n in _numbers(v, -_reach(lo, hi), _reach(lo, hi), d.real)),
+        good=tuple(n for v, lo, hi in vectors for n in _numbers(v, lo, hi, d.real)),
+        beyond_u=_beyond("u", t.u_lo, t.u_hi, d.real), beyond_y=_beyond("y", t.y_lo, t.y_hi, d.real))
+
+
+def _words(value: int, size: str, bits: int) -> str:
+    """Print the initialiser of a word, or of one word per alarm bit."""
+    return "{ " + ", ".join([f"{value}U"] * bits) + " }" if size else f"{value}U"
+
+
+def _places(d: DesignView, fields) -> tuple[str, ...]:
+    """List every element of some members of a struct."""
+    counts = {f"[{d.macro}_{name}]": len(of) for name, of in (("NX", d.x), ("NU", d.u), ("NY", d.y), ("BITS", d.bits))}
+    return tuple(place for f in fields for place in
+                 ([f"{f.name}[{i}]" for i in range(counts[f.size])] if f.size else [f.name]))
+
+
+def _numbers(vector: str, lo: Array, hi: Array, real: str) -> list[Number]:
+    return [Number(f"{vector}[{i}]", literal(a, real), literal(b, real)) for i, (a, b) in enumerate(zip(lo, hi))]
+
+
+def _reach(lo: Array, hi: Array) -> Array:
+    """Return a magnitude far beyond both ends that is still a number of their type."""
+    with np.errstate(over="ignore"):
+        reach = np.maximum(np.maximum(np.abs(lo), np.abs(hi)), lo.dtype.type(1)) * lo.dtype.type(WIDE)
+    return np.minimum(reach, np.finfo(lo.dtype).max)
+
+
+def _beyond(vector: str, lo: Array, hi: Array, real: str) -> tuple[Number, ...]:
+    """List what lies on either side of each range, from the next number on up to ``_reach``."""
+    found = []
+    with np.errstate(over="ignore"):
+        above, below = np.nextafter(hi, lo.dtype.type(np.inf)), np.nextafter(lo, lo.dtype.type(-np.inf))
+    for i, reach in enumerate(_reach(lo, hi)):
+        place = f"{vector}[{i}]"
+        if np.isfinite(above[i]):
+            found.append(Number(place, literal(above[i], real), literal(reach, real), "above its range"))
+        if np.isfinite(below[i]):
+            found.append(Number(place, literal(-reach, real), literal(below[i], real), "below its range"))
+    return tuple(found)

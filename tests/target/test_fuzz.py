@@ -1,0 +1,72 @@
+"""libFuzzer with sanitizers finds nothing in the C, and finds what is planted in it."""
+
+import json
+import shutil
+
+import pytest
+from click.testing import CliRunner
+from helpers.designs import VARIANTS, stand_in
+from helpers.folders import write
+from helpers.scripts import GENERATED, prefix_of
+from helpers.tools import need
+
+from codegen.cli import main
+from codegen.emit.fuzzing import fuzz_harness
+from codegen.errors import ToolError, ValidationError
+from codegen.target.fuzz import fuzz, read_record, require
+
+need("clang-19")
+TWO = [folder for folder in GENERATED if folder.name in ("relay_tnl-interval", "zammali_fd_interval")]
+
+
+def run(folder, runs=50000):
+    return fuzz(folder, fuzz_harness(read_record(folder)), runs=runs)
+
+
+@pytest.mark.parametrize("folder", TWO, ids=lambda folder: folder.name)
+def test_committed_designs(folder):
+    found = run(folder)
+    require(found)
+    assert found.runs == 50000 and found.edges > 80
+
+
+@pytest.mark.parametrize("family,variant,layout,real", [("tnl", "unequal", "loop", "float64"),
+                                                        ("interval", "smallest", "literal", "float32")])
+def test_stand_ins(family, variant, layout, real, tmp_path):
+    found = run(write(stand_in(family, prefix="cart", **VARIANTS[variant]), tmp_path, real, layout), 3000)
+    require(found)
+    assert found.runs == 3000
+
+
+@pytest.mark.parametrize("old,new", [
+    ("[(s->mode < RELAY_MODES) ? s->mode : 0U]", "[s->mode]"),  # a spoilt state reads beyond a table
+    ("status = RELAY_BAD_OUTPUT;", "status = RELAY_BAD_OUTPUT; out->raw = 9U;"),  # refusal that writes
+    ("in->u[0] <= 2.0F", "in->u[0] <= 2.5F"),  # range
+    ("+ (k[4] * s->x_lo[0])", "- (k[4] * s->x_lo[0])")])  # framers cross
+def test_mutants(old, new, tmp_path):
+    folder = shutil.copytree(TWO[0], tmp_path / "mutant")
+    source = folder / f"{prefix_of(folder)}.c"
+    text = source.read_text()
+    assert old in text
+    source.write_text(text.replace(old, new))
+    found = run(folder)
+    assert found.crash and found.message
+    with pytest.raises(ValidationError, match="Sequence: [0-9a-f]+"):
+        require(found)
+
+
+def test_command(tmp_path):
+    done = CliRunner().invoke(main, ["fuzz", str(TWO[1]), "--runs", "2000"])
+    assert done.exit_code == 0 and "2000 sequences" in done.output, done.output
+    done = CliRunner().invoke(main, ["fuzz", str(tmp_path)])
+    assert done.exit_code == ToolError.exit_code and "resources.json" in done.output
+
+
+def test_folders_that_are_not_ours(tmp_path):
+    (tmp_path / "resources.json").write_text(json.dumps([1]))
+    with pytest.raises(ToolError, match="Make the folder with residua generate"):
+        read_record(tmp_path)
+    folder = shutil.copytree(TWO[1], tmp_path / "broken")
+    (folder / f"{prefix_of(folder)}.c").write_text("int broken(")
+    with pytest.raises(ToolError, match="cannot compile"):
+        run(folder)

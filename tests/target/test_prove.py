@@ -1,0 +1,131 @@
+"""Frama-C proves every design that is kept, and every kind of C; what is wrong it does not prove."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from helpers.designs import GUARDED, stand_in
+from helpers.folders import write
+from helpers.tools import need
+
+from codegen.designs import read_design
+from codegen.emit import files
+from codegen.errors import ToolError, ValidationError
+from codegen.target.prove import judge, prove, require
+
+GENERATED = sorted(p.parent for p in (Path(__file__).resolve().parents[2] / "generated").glob("*/design.json"))
+SMALL = {"sizes": (2, 2, 1, 2), "supervision": GUARDED}
+# Layouts and types take turns in both families; one with a clamp, one with a debounce of any window.
+KINDS = [("tnl", layout, real, {}) for layout in ("literal", "table", "loop") for real in ("float32", "float64")]
+KINDS += [("interval", "literal", "float64", {"clamp": True}), ("interval", "table", "float32", {"shared": False}),
+          ("interval", "loop", "float64", {"sizes": (1, 2, 0, 2)})]
+
+
+def rewrite(folder, name, pattern, text, count=1):
+    source = (folder / name).read_text()
+    changed, found = re.subn(pattern, text, source, count=count)
+    assert found, f"{name}: the mutant changed nothing"
+    (folder / name).write_text(changed)
+
+
+@pytest.mark.parametrize("folder", GENERATED, ids=lambda f: f.name)
+def test_every_kept_design_is_proved(folder, tmp_path):
+    """The committed C is what is proved, with the harness as it is printed now."""
+    need("frama-c")
+    design = read_design(folder)
+    prefix = design.plant.target.prefix
+    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
+    name = f"prove_{prefix}.c"
+    (copy / name).write_text(files(design, measure=False)[name], encoding="ascii")
+    result = prove(copy)
+    assert result.proved, result.alarms
+    assert result.coverage == 100 and result.seconds > 0 and result.version.startswith("2")
+    assert result.properties["state_is_in_box"] >= 2 * design.plant.n_x
+    assert {f"{prefix}_{call}" for call in ("init", "step", "predict", "reset")} <= set(result.properties)
+
+
+@pytest.mark.parametrize("family,layout,real,options", KINDS)
+def test_every_kind_of_c_is_proved(family, layout, real, options, tmp_path):
+    need("frama-c")
+    result = prove(write(stand_in(family, prefix="cart", **(SMALL | options)), tmp_path, real, layout))
+    assert result.proved, result.alarms
+
+
+MUTANTS = {
+    "box too small": ("prove_cart.c", r"1000\.0F", "1.5F", 0, "state_is_in_box"),
+    "mode guard weakened": ("cart.c", r"in->mode >= CART_MODES", "in->mode > CART_MODES", 1, "initialized|refused"),
+    "gain of 3e38": ("cart.c", r"\(\d\.\d+F \*", "(3e38F *", 1, "is_finite"),
+    "range of y not looked at": ("cart.c", r"!cart_y_accepted\(in\)", "false", 1, "state_is_in_box|initialized"),
+    "run has no end": ("cart.c", r"\(s->run \+ 1U\) < 4U", "true", 1, r"s->run"),
+    "state written before the check": ("cart.c", r"(cart_status status = cart_check\(in\);)", r"\1 s->run = 0U;", 1,
+                                       "initialized"),
+    "a residual is forgotten": ("cart.c", r"out->r_hi\[0\] = [^;]*;", "", 0, "initialized"),
+    "division by zero": ("cart.c", r"s->run\+\+;", "s->run = 1U / (s->run - s->run);", 1, "division_by_zero|≢ 0"),
+}
+
+
+@pytest.mark.parametrize("mutant,family", [*((m, "interval") for m in MUTANTS), ("box too small", "tnl")])
+def test_what_is_wrong_is_not_proved(mutant, family, tmp_path):
+    need("frama-c")
+    folder = write(stand_in(family, prefix="cart", **SMALL), tmp_path, "float32", "literal")
+    *change, count, words = MUTANTS[mutant]
+    rewrite(folder, *change, count)
+    result = prove(folder)
+    assert not result.proved and any(re.search(words, alarm) for alarm in result.alarms), result.alarms
+    with pytest.raises(ValidationError, match="not proved"):
+        require(result)
+
+
+def test_weak_mode_guard_reads_beyond_a_table(tmp_path):
+    need("frama-c")
+    folder = write(stand_in("interval", prefix="cart", **SMALL), tmp_path, layout="table")
+    rewrite(folder, "cart.c", r"in->mode >= CART_MODES", "in->mode > CART_MODES")
+    assert any(re.search(r"cart_\w+: \w[^:]*: .valid_read\(k \+ \d+\)", alarm) for alarm in prove(folder).alarms)
+
+
+def test_a_harness_that_shows_nothing_is_no_proof(tmp_path):
+    need("frama-c")
+    folder = write(stand_in("tnl", prefix="cart", **SMALL), tmp_path)
+    rewrite(folder, "prove_cart.c", r"(?m)^    (calls|refusals)\(\);\n", "", 0)
+    result = prove(folder)
+    assert not result.proved and any("state_is_in_box: Dead" in a or "one_step: Dead" in a for a in result.alarms)
+    assert result.coverage < 100
+
+
+def test_broken_c_is_an_error_of_the_tool(tmp_path):
+    need("frama-c")
+    folder = write(stand_in("tnl", prefix="cart", **SMALL), tmp_path)
+    rewrite(folder, "cart.c", r"uint32_t raw = 0U;", "uint32_t raw = nonsense;")
+    with pytest.raises(ToolError, match="nonsense"):
+        prove(folder)
+
+
+def test_the_gate_reads_statuses():
+    """Valid is the only status that counts; Frama-C's own contracts may be taken for granted."""
+    def row(kind, status, directory=".", function="cart_step"):
+        return dict(zip(("directory", "file", "line", "function", "property kind", "status", "property"),
+                        (directory, "cart.c", "1", function, kind, status, "p")))
+
+    rows = [row(f"precondition of cart_{call}", "Valid") for call in ("init", "step", "predict", "reset")]
+    rows += [row("user assertion", "Valid", function=f) for f in
+             ("state_is_in_box", "answer_is_whole", "nothing_is_written", "refused", "prove_cart")]
+    rows.append(row("postcondition", "Considered valid", "FRAMAC_SHARE/libc"))
+    assert judge(rows, "", "cart")[0] == ()
+    for status in ("Unknown", "Invalid", "Valid but dead", "Valid under hyp.", "Never tried", "Considered valid"):
+        assert judge([*rows, row("user assertion", status)], "", "cart")[0]
+    assert judge([*rows, row("postcondition", "Unknown", "FRAMAC_SHARE/libc")], "", "cart")[0]
+    assert judge(rows, "    by the Eva analyzer:      0 errors    1 warning", "cart")[0]
+    assert len(judge([], "", "cart")[0]) == 9
+
+
+def test_what_is_missing_is_named(tmp_path, monkeypatch):
+    with pytest.raises(ToolError, match="resources.json"):
+        prove(tmp_path)
+    folder = write(stand_in(prefix="cart"), tmp_path / "cart")
+    monkeypatch.setenv("PATH", "/nowhere")
+    with pytest.raises(ToolError, match="frama-c: not found. Install it"):
+        prove(folder)
+    (folder / "prove_cart.c").unlink()
+    with pytest.raises(ToolError, match="prove_cart.c: not found"):
+        prove(folder)
