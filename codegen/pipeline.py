@@ -10,7 +10,7 @@ from pathlib import Path
 
 from .analysis.validate import Outcome, validate
 from .designs import Design
-from .errors import EmitError, ResiduaError, ValidationError
+from .errors import EmitError, ValidationError
 from .plant.load import load
 from .plant.model import Plant
 from .select import choose
@@ -152,4 +152,4 @@ def require(made: Design, real: str, outcomes: list[Outcome]) -> None:
                                   "the declared bounds, and do they hold on the real plant?")
 
 
-__all__ = ["Design", "ResiduaError", "Result", "design", "require", "run"]
+__all__ = ["Design", "Result", "design", "require", "run"]

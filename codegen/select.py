@@ -162,14 +162,14 @@ def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], No
     if "gains" in options:
         return [fixed_gains(plant, name, options, within)]
     scale = Problem.of(plant, False).f_scale
-    judge = QuickJudge(plant, scale, within) if plant.f else None
+    quick = QuickJudge(plant, scale, within)
     trials, failure, count = [], None, 0
 
     def settled(c: Candidate):
-        quick = QuickJudge(plant, scale, 0)
         return quick.settled(quick.tables(c.L, c.N))
 
-    for c in METHODS[name].module.candidates(plant, options=options, judge=judge, settled=settled,
+    for c in METHODS[name].module.candidates(plant, options=options, judge=quick if plant.f else None,
+                                             settled=settled,
                                              progress=lambda text: progress(f"{name}: {text}")):
         count += 1
         try:

@@ -17,14 +17,9 @@ def neg(A: Array) -> Array:
     return np.maximum(-A, 0.0)
 
 
-def sup(A: Array, lo: Array, hi: Array) -> Array:
-    """Largest value of ``A @ x`` over the box lo <= x <= hi, row by row (Lemma 6 of Zammali (2020))."""
-    return pos(A) @ hi - neg(A) @ lo
-
-
-def inf(A: Array, lo: Array, hi: Array) -> Array:
-    """Smallest value of ``A @ x`` over the box, row by row."""
-    return pos(A) @ lo - neg(A) @ hi
+def support(A: Array, lo: Array, hi: Array) -> Array:
+    """Row-wise maximum of A @ x over boxes, for stacked matrices (..., r, c) and boxes (..., c) or (c,)."""
+    return (pos(A) @ hi[..., None])[..., 0] - (neg(A) @ lo[..., None])[..., 0]
 
 
 def half(lo: Array, hi: Array) -> Array:

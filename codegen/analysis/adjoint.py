@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..algebra.interval import neg, pos
+from ..algebra.interval import neg, pos, support
 
 Array = np.ndarray
 
@@ -79,11 +79,6 @@ class ResidualModel:
                               -c_lo - support(-stack["Dv"], stack["v_lo"], stack["v_hi"]))
         return cls(**data, C=stack["C"], c_hi=c_hi, c_lo=c_lo, c_margin=c_margin,
                    **{k: stack[k] for k in ("Dv", "w_lo", "w_hi", "v_lo", "v_hi", "Bf", "Df")})
-
-
-def support(A: Array, lo: Array, hi: Array) -> Array:
-    """Row-wise maximum of A @ x over boxes, for stacked matrices (..., r, c) and boxes (..., c) or (c,)."""
-    return (pos(A) @ hi[..., None])[..., 0] - (neg(A) @ lo[..., None])[..., 0]
 
 
 def corner(weight: Array, lo: Array, hi: Array) -> Array:

@@ -10,7 +10,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from .adjoint import ResidualModel, support
+from ..algebra.interval import support
+from .adjoint import ResidualModel
 from .detectability import along, sequences
 
 Array = np.ndarray

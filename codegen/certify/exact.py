@@ -77,11 +77,6 @@ def leading_failure(S: Array) -> int | None:
     return None
 
 
-def largest(values) -> fmpq:
-    """Maximum of rationals."""
-    return max(values)
-
-
 def up(value: fmpq, real: str = "float64") -> float:
     """Smallest convenient float that is not below the rational ``value``."""
     return _directed(value, real, np.inf)
