@@ -190,7 +190,7 @@ def recheck(design: Design) -> dict[str, list[str]]:
     limits = {"x": plant.limits("x"), "x0": (plant.x0_lo, plant.x0_hi)}
     for real, t in design.observer.tables.items():
         cert = design.certificate[real]
-        proved[real] = check(plant.modes, t, cert)
+        proved[real] = check(plant.observed.modes, t, cert)
         check_ranges(limits, t)
         check_monitor(design.observer.supervision, cert)
         if proved[real] != design.proved[real]:

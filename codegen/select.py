@@ -16,6 +16,8 @@ from .designs import Design
 from .errors import CertificateError, DesignError
 from .observers import FAMILIES, FramerTables, Supervision
 from .plant.model import Plant
+from .plant.sampling import midpoint
+from .plant.uncertain import is_uncertain
 from .synthesis import METHODS, check_options
 from .synthesis.linf import pairwise
 from .synthesis.problem import Candidate, Problem
@@ -76,13 +78,17 @@ def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple[Framer
     ------
     CertificateError
     """
-    tables = freeze(FramerTables, plant.modes, limits(plant), gains, real)
-    return tables, prove(plant.modes, tables, proof)
+    modes = plant.observed.modes
+    tables = freeze(FramerTables, modes, limits(plant), gains, real)
+    return tables, prove(modes, tables, proof)
 
 
-def both_sides(c: Candidate) -> dict:
+def both_sides(c: Candidate, plant: Plant, module) -> dict:
     """The same gains for the upper and the lower framer."""
-    return {"L_hi": c.L, "L_lo": c.L, "N_hi": c.N, "N_lo": c.N}
+    gains = {"L_hi": c.L, "L_lo": c.L, "N_hi": c.N, "N_lo": c.N}
+    if c.L_theta is not None:
+        gains |= {"L_theta": c.L_theta, "midpoint": midpoint(plant), "split": getattr(module, "SPLIT", False)}
+    return gains
 
 
 def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[str], None]) -> Design:
@@ -162,18 +168,18 @@ def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], No
     if "gains" in options:
         return [fixed_gains(plant, name, options, within)]
     scale = Problem.of(plant, False).f_scale
-    quick = QuickJudge(plant, scale, within)
+    quick = None if is_uncertain(plant) else QuickJudge(plant, scale, within)
     trials, failure, count = [], None, 0
 
     def settled(c: Candidate):
         return quick.settled(quick.tables(c.L, c.N))
 
-    for c in METHODS[name].module.candidates(plant, options=options, judge=quick if plant.f else None,
+    for c in METHODS[name].module.candidates(plant, options=options, judge=quick if plant.f and quick else None,
                                              settled=settled,
                                              progress=lambda text: progress(f"{name}: {text}")):
         count += 1
         try:
-            gains = both_sides(c)
+            gains = both_sides(c, plant, METHODS[name].module)
             tables, cert = certified(plant, gains, c.proof, real)
         except CertificateError as error:
             failure = error
@@ -260,11 +266,11 @@ def finish(plant: Plant, trials: list[Trial], options: dict) -> Design:
         except CertificateError:
             continue  # the other number type may be too coarse; generate says so when asked for it
         tables[real], certs[real] = t, cert
-        proved[real] = check(plant.modes, t, cert)
+        proved[real] = check(plant.observed.modes, t, cert)
         within = int(options.get("within", WITHIN))
         faults[real] = [{"channel": f.channel, "unit": f.unit, "by_delay": [finite(x) for x in f.by_delay]}
                         for f in surely_detected(plant, t, cert, within)]
     choice = [t.summary(plant) for t in trials]
     choice[0]["chosen"] = True
-    observer = FAMILIES[METHODS[best.method].family](tables, supervision(plant, certs[plant.target.real]))
+    observer = FAMILIES[METHODS[best.method].family_for(plant)](tables, supervision(plant, certs[plant.target.real]))
     return Design(plant, best.method, observer, certs, proved, faults, choice, options)

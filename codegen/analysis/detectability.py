@@ -17,6 +17,7 @@ import numpy as np
 
 from ..algebra.dwell import admissible
 from .adjoint import ResidualModel, extremes, fault_response
+from .robust import thresholds
 
 Array = np.ndarray
 
@@ -86,6 +87,9 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
     infinite = tuple([np.inf] * (within + 1))
     if tails is None or not plant.f:
         return [SureFault(f.name, f.unit, infinite) for f in plant.f]
+    if t.vary is not None:
+        return [SureFault(f.name, f.unit, thresholds(plant.observed.modes, t, tails, j, within))
+                for j, f in enumerate(plant.f)]
     model = ResidualModel.of(plant.modes, t)
     before = 1
     while plant.n_modes > 1 and plant.n_modes ** (within + before + 2) <= MOST_SEQUENCES and before < 6:

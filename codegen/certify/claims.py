@@ -50,8 +50,8 @@ def prove(modes, t, proof: dict) -> dict:
     names = [m.name for m in modes]
     cert = {k: v for k, v in proof.items() if k != "mu"}
     if proof["kind"] == "linf":
-        mu = max(smallest_mu(getattr(t, "M_" + s)[q], getattr(t, "L_" + s)[q], getattr(t, "N_" + s)[q],
-                             proof["P_" + s][q], proof["lam"]) for s in SIDES for q in range(len(modes)))
+        mu = max(smallest_mu(floats(model.M[s][k]), floats(model.L[s][k]), getattr(t, "N_" + s)[q],
+                             proof["P_" + s][q], proof["lam"]) for s in SIDES for k, q in enumerate(model.mode))
         if not np.isfinite(mu):
             raise CertificateError("certificate: no level mu satisfies the Lyapunov inequality on the rounded "
                                    f"constants at lambda = {proof['lam']:.6g}. Try a smaller lambda or float64.")
@@ -177,19 +177,29 @@ def digest(*parts) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def floats(A) -> np.ndarray:
+    """Nearest float64 of rational entries."""
+    return np.array([float(x) for x in A.ravel()]).reshape(A.shape)
+
+
 def _nonnegative(modes, t, names) -> str:
     exact = Containment(modes, t)
     worst = fmpq(0)
     for side in SIDES:
         for q, name in enumerate(names):
-            M = getattr(t, "M_" + side)[q]
-            if np.min(M) < 0:
-                i, j = np.unravel_index(np.argmin(M), M.shape)
-                raise CertificateError(f'certificate: T A - L C has the negative entry {M[i, j]:.6g} at ({i}, {j}) in '
-                                       f'mode "{name}" ({side} framer), expected >= 0.')
-            worst = max([worst, *(abs(x) for x in exact.leftover(q, side)[1].ravel())])
-    return (f"T A - L C >= 0 in every mode; the rounded table differs from it by at most {float(worst):.2g}, "
-            "which the offsets cover")
+            M = exact.scheduled(q, side).M
+            least = floats(M.least())
+            least = np.where(t.flipped[q], 0.0, least)
+            if np.min(least) < 0:
+                i, j = np.unravel_index(np.argmin(least), least.shape)
+                raise CertificateError(f'certificate: T A - L C has the negative entry {least[i, j]:.6g} at ({i}, {j}) '
+                                       f'in mode "{name}" ({side} framer), expected >= 0.')
+            worst = max([worst, *exact.leftover(q, side)[1].most().ravel()])
+    rest = f"the rounded table differs from it by at most {float(worst):.2g}, which the offsets cover"
+    if t.signed:
+        return f"each entry of T A - L C takes the bound that its sign asks for; {rest}"
+    where = "in every mode" + (" and for every theta in its box" if t.vary is not None and t.vary.parameters else "")
+    return f"T A - L C >= 0 {where}; {rest}"
 
 
 def _contained(modes, t, names) -> str:

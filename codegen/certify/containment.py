@@ -9,6 +9,11 @@ value of everything after the first four terms, plus what the caller's rounding 
 rounding can take away. The identities T + N C = I and M = T A - L C therefore need not hold on rounded
 constants: what is left over is counted here, as |left over| times the bound on |x| or |u|.
 
+Where the tables depend on measured parameters or carry radii (``t.vary``) the same holds for every theta in its box,
+with ``T A(theta) - L(theta) C - M(theta)`` bounded over the box, and what the plant's unknowns do beyond the radii
+counted with the rest (``variation``). Where M has negative entries its row is bounded from above by the upper bound of
+x times the positive and the lower bound times the negative ones, which is an inclusion for any M.
+
 The worst case of the noise is taken with its true sign. The printed (5.2), (5.23) of Zammali (2020) use
 ``pos(L Dv) v_hi - neg(L Dv) v_lo``, which is right only for v_lo = -v_hi; the error equation needs -L Dv v.
 """
@@ -22,6 +27,7 @@ from flint import fmpq
 
 from .exact import Q, eye, product, rational, zeros
 from .rounding import input_error, sum_error
+from .variation import Affine, Scheduled, exact_mode, noise_need, pairs, radius_terms
 
 Array = np.ndarray
 
@@ -81,8 +87,8 @@ class Containment:
     def __init__(self, modes, t):
         self.t, self.real = t, t.real
         self.modes = modes
-        self.exact = [{k: rational(getattr(m, k)) for k in
-                       ("A", "B", "C", "D", "Bw", "Dv", "w_lo", "w_hi", "v_lo", "v_hi")} for m in modes]
+        self.exact = [exact_mode(m, t.G_hi.shape[1:]) for m in modes]
+        self.parts: dict[tuple[int, str], Scheduled] = {}
         self.box = rational(t.box)
         self.u_max, self.y_max = bounds(t.u_lo, t.u_hi), bounds(t.y_lo, t.y_hi)
         self.u_err = np.array([input_error(b, t.real) for b in self.u_max], dtype=object)
@@ -90,43 +96,73 @@ class Containment:
         # The physical u may lie half a unit beyond the table's rounded limit.
         self.u_true = self.u_max + self.u_err
 
-    def leftover(self, q: int, side: str) -> tuple[Array, Array, Array]:
+    def scheduled(self, q: int, side: str) -> Scheduled:
+        """The tables of one mode and framer with their dependence on theta."""
+        if (q, side) not in self.parts:
+            self.parts[q, side] = Scheduled(self.t, q, self.exact[q], side)
+        return self.parts[q, side]
+
+    def leftover(self, q: int, side: str) -> tuple[Array, Affine, Affine]:
         """Return T, T A - L C - M and T B - L D - G of mode q on the emitted constants, exact."""
-        p, t = self.exact[q], self.t
-        L, N = rational(getattr(t, "L_" + side)[q]), rational(getattr(t, "N_" + side)[q])
-        M, G = rational(getattr(t, "M_" + side)[q]), rational(getattr(t, "G_" + side)[q])
-        T = eye(len(self.box)) - product(N, p["C"])
-        return T, product(T, p["A"]) - product(L, p["C"]) - M, product(T, p["B"]) - product(L, p["D"]) - G
+        s = self.scheduled(q, side)
+        T = eye(len(self.box)) - product(s.N, self.exact[q]["C"])
+        return T, *s.leftover(T)
 
     def update(self, q: int, side: str) -> list[Demand]:
         """Demands on d_hi[q] (side "hi") or -d_lo[q] (side "lo"), one per state."""
-        p, t, sign = self.exact[q], self.t, (1 if side == "hi" else -1)
-        L, N = rational(getattr(t, "L_" + side)[q]), rational(getattr(t, "N_" + side)[q])
-        M, G = rational(getattr(t, "M_" + side)[q]), rational(getattr(t, "G_" + side)[q])
+        p, sign, s = self.exact[q], (1 if side == "hi" else -1), self.scheduled(q, side)
         T, EM, EG = self.leftover(q, side)
         disturbance = sup(sign * product(T, p["Bw"]), p["w_lo"], p["w_hi"])
-        noise = sup(-sign * product(L, p["Dv"]), p["v_lo"], p["v_hi"])
+        noise = self.noise(q, side)
         # v+ belongs to the next sample, whose mode is not known yet: the worst of all modes.
-        later = [sup(-sign * product(N, s["Dv"]), s["v_lo"], s["v_hi"]) for s in self.exact]
+        later = [sup(-sign * product(s.N, r["Dv"]), r["v_lo"], r["v_hi"]) for r in self.exact]
+        lack_x, lack_u = self._lack(s, T)
+        left_x, left_u = EM.most() + lack_x, EG.most() + lack_u
+        L_most = s.L.most()
         out = []
         for i in range(len(self.box)):
             need = disturbance[i] + noise[i] + max(row[i] for row in later)
-            need += dot(EM[i], self.box) + dot(EG[i], self.u_true) + dot(G[i], self.u_err)
-            need += dot(L[i], self.y_err) + dot(N[i], self.y_err)
-            before = [*zip(G[i], self.u_max), *zip(L[i], self.y_max), *zip(N[i], self.y_max)]
-            out.append(Demand(need, before, list(zip(M[i], self.box))))
+            need += dot(left_x[i], self.box) + dot(left_u[i], self.u_true) + dot(s.G.most()[i], self.u_err)
+            need += dot(L_most[i], self.y_err) + dot(s.N[i], self.y_err) + dot(s.S[i], self.u_err)
+            G, slip_G = pairs(s.G, i, self.u_max, self.real)
+            L, slip_L = pairs(s.L, i, self.y_max, self.real)
+            M, slip_M = pairs(s.M, i, self.box, self.real)
+            slip_E = dot(s.E[i], s.L.rounding(self.real)[i])
+            apart, size = radius_terms(s.R[i], s.S[i], L_most[i], s.E[i], self.box, self.u_max, self.real)
+            need += slip_G + slip_L + slip_M + slip_E + apart
+            out.append(Demand(need, [*G, *L, *zip(s.N[i], self.y_max)], [*M, (fmpq(1), size)]))
         return out
 
+    def noise(self, q: int, side: str) -> Array:
+        """Largest -L Dv v (side "hi") or L Dv v that the offset has to cover."""
+        p, sign, s = self.exact[q], (1 if side == "hi" else -1), self.scheduled(q, side)
+        if s.L.slopes:
+            return noise_need(s, p, sign)
+        return sup(-sign * product(s.L.base, p["Dv"]), p["v_lo"], p["v_hi"])
+
+    def _lack(self, s: Scheduled, T: Array) -> tuple[Array, Array]:
+        """What the unknowns and the rounding of theta do beyond the radii of the tables, elementwise."""
+        (UA, UB), (DA, DB) = s.unknown(T), s.drift(T)
+        return positive(UA - s.R) + DA, positive(UB - s.S) + DB
+
     def blind(self, q: int, side: str) -> list[Demand]:
-        """Demands on a_hi[q] or -a_lo[q]: the open-loop prediction."""
+        """Demands on a_hi[q] or -a_lo[q]: the open-loop prediction, which does not look at theta."""
         p, t, sign = self.exact[q], self.t, (1 if side == "hi" else -1)
         A, B = rational(t.A[q]), rational(t.B[q])
         disturbance = sup(sign * p["Bw"], p["w_lo"], p["w_hi"])
+        n_x, n_u = B.shape
+        Ra, Sa = (zeros(n_x, n_x), zeros(n_x, n_u)) if t.vary is None else (
+            rational(t.vary.Ra[q]), rational(t.vary.Sa[q]))
+        s = self.scheduled(q, side)
+        UA, UB = s.unknown(eye(n_x))
+        left_x = positive(Affine(p["A"] - A, p["A_theta"], p["theta_lo"], p["theta_hi"]).most() + UA - Ra)
+        left_u = positive(Affine(p["B"] - B, p["B_theta"], p["theta_lo"], p["theta_hi"]).most() + UB - Sa)
         out = []
         for i in range(len(self.box)):
-            need = disturbance[i] + dot(p["A"][i] - A[i], self.box) + dot(p["B"][i] - B[i], self.u_true)
-            need += dot(B[i], self.u_err)
-            out.append(Demand(need, list(zip(B[i], self.u_max)), list(zip(A[i], self.box))))
+            need = disturbance[i] + dot(left_x[i], self.box) + dot(left_u[i], self.u_true)
+            need += dot(B[i], self.u_err) + dot(Sa[i], self.u_err)
+            apart, size = radius_terms(Ra[i], Sa[i], [], [], self.box, self.u_max, self.real)
+            out.append(Demand(need + apart, list(zip(B[i], self.u_max)), [*zip(A[i], self.box), (fmpq(1), size)]))
         return out
 
     def output(self, q: int, side: str) -> list[Demand]:
@@ -148,6 +184,11 @@ class Containment:
                 yield "d", q, side, self.update(q, side)
                 yield "a", q, side, self.blind(q, side)
                 yield "c", q, side, self.output(q, side)
+
+
+def positive(A: Array) -> Array:
+    """Elementwise max(A, 0), exact."""
+    return np.array([a if a > 0 else fmpq(0) for a in A.ravel()], dtype=object).reshape(A.shape)
 
 
 def dot(row, magnitudes) -> fmpq:

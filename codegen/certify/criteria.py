@@ -51,14 +51,15 @@ def check_linf(model, t, proof: dict, names: list[str]) -> dict:
         P = rational(np.array(proof["P_" + side]))
         if any(x < 1 for x in P.ravel()):
             raise CertificateError(f"certificate: P_{side} has an entry below 1; the bound is normalised to P >= I.")
-        for q, name in enumerate(names):
-            S = lyapunov_block(model.M[side][q], rational(getattr(t, "L_" + side)[q]),
-                               rational(getattr(t, "N_" + side)[q]), P[q], lam, mu)
+        for k, q in enumerate(model.mode):
+            name = names[q]
+            S = lyapunov_block(model.M[side][k], model.L[side][k], rational(getattr(t, "N_" + side)[q]), P[q], lam, mu)
             bad = leading_failure(S)
             if bad is not None:
                 raise CertificateError(
                     f'certificate: the Lyapunov inequality fails in mode "{name}" ({side} framer, leading minor '
                     f"{bad + 1} of {len(S)}) on the rounded constants. Try a smaller lambda or float64.")
+        for q, name in enumerate(names):
             for r, other in enumerate(names):
                 i = int(np.argmax([float(a / b) for a, b in zip(P[q], P[r])]))
                 if any(P[q][i] > rho * P[r][i] for i in range(P.shape[1])):
@@ -85,17 +86,18 @@ def check_width(model, proof: dict, names: list[str]) -> dict:
     if not (0 < a < 1 and all(x > 0 for x in p)):
         raise CertificateError("certificate: the copositive function needs p > 0 and 0 < a < 1.")
     level = fmpq(0)
-    for q, name in enumerate(names):
+    for k, q in enumerate(model.mode):
+        name = names[q]
         # With equal gains the width has a recursion of its own; else it is the sum of both errors.
         push = fmpq(0)
         for side in ("width",) if "width" in model.push else ("hi", "lo"):
-            decay = p @ model.M[side][q]
+            decay = p @ model.M[side][k]
             for j, x in enumerate(decay):
                 if x > (1 - a) * p[j]:
                     raise CertificateError(
                         f'certificate: p\' M <= (1 - a) p\' fails in mode "{name}", state {j}, by '
                         f"{float(x - (1 - a) * p[j]):.3g} ({side}). Try a smaller a.")
-            push += p @ model.push[side][q]
+            push += p @ model.push[side][k]
         level = max(level, push / a)
     return {"width_bound": level}
 

@@ -4,6 +4,10 @@ With e_hi = x_hi - x and e_lo = x - x_lo both errors obey ``e+ = M e + b`` where
 offset, disturbance and noise at their least favourable, and the rounding margin once more, because the
 computed framer may also round outward.
 
+Where M is affine in theta the recursion is checked at the corners of the box of theta: ``M`` and ``push`` then have one
+entry per mode and corner. Negative entries of M count with their magnitude. What a radius R max(-x_lo, x_hi) adds is
+bounded with the declared range of x, to which the framers are cut.
+
 With equal gains the width W = e_hi + e_lo obeys ``W+ = M W + (d_hi - d_lo)`` up to rounding, whatever happens to
 the plant: the same recursion with its own push, and half the bound that adding both errors would give.
 """
@@ -13,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from flint import fmpq
 
-from .containment import Containment, sup
+from .containment import Containment, dot, sup
 from .exact import Q, product, rational
 
 Array = np.ndarray
@@ -31,9 +35,13 @@ class ErrorModel:
     Attributes
     ----------
     M : dict
-        side -> list over modes of rational (n_x, n_x).
+        side -> list over modes (and corners of theta) of rational (n_x, n_x), >= 0.
     push : dict
-        side -> list over modes of rational (n_x,): largest b. With equal gains also "width".
+        side -> list as long, of rational (n_x,): largest b. With equal gains also "width".
+    L : dict
+        side -> list as long, of rational (n_x, n_y).
+    mode : list of int
+        Mode of each entry of these lists.
     theta2 : fmpq
         Largest squared norm of the stacked disturbance [b without noise; Dv v; Dv v+] over all modes.
     """
@@ -41,37 +49,51 @@ class ErrorModel:
     def __init__(self, modes, t):
         self.t = t
         exact = Containment(modes, t)
-        self.M = {s: [rational(m) for m in getattr(t, "M_" + s)] for s in ("hi", "lo")}
+        self.exact = exact
+        parts = {s: [exact.scheduled(q, s) for q in range(len(modes))] for s in ("hi", "lo")}
+        corners = {s: [(q, M, L) for q, part in enumerate(parts[s])
+                       for M, L in zip(part.M.corners(), part.L.corners())] for s in ("hi", "lo")}
+        self.mode = [q for q, _, _ in corners["hi"]]
+        self.M = {s: [abs(M) for _, M, _ in corners[s]] for s in ("hi", "lo")}
+        self.L = {s: [L for _, _, L in corners[s]] for s in ("hi", "lo")}
         self.push = {"hi": [], "lo": []}
         noise2 = [sum((max(a, b) ** 2 for a, b in zip(sup(p["Dv"], p["v_lo"], p["v_hi"]),
                                                       sup(-p["Dv"], p["v_lo"], p["v_hi"]))), fmpq(0))
                   for p in exact.exact]
         tnl = bool(np.any(t.N_hi) or np.any(t.N_lo))
         self.theta2 = fmpq(0)
-        for q, p in enumerate(exact.exact):
+        for k, q in enumerate(self.mode):
+            p = exact.exact[q]
             for side, sign in (("hi", 1), ("lo", -1)):
-                slack, push = self._slack(exact, q, p, side, sign)
+                slack, push = self._slack(exact, q, p, side, sign, self.L[side][k])
                 self.push[side].append(push)
                 theta2 = sum((s * s for s in slack), fmpq(0)) + noise2[q] + (max(noise2) if tnl else 0)
                 self.theta2 = max(self.theta2, theta2)
 
         if t.shared:
             self.M["width"] = self.M["hi"]
-            self.push["width"] = [self._spread(exact, q) for q in range(len(modes))]
+            grown = [self._spread(exact, q) for q in range(len(modes))]
+            self.push["width"] = [grown[q] for q in self.mode]
+
+    def _apart(self, exact, q: int) -> Array:
+        """Largest radius of each row: R |x| + S |u| + |L(theta)| E over the declared ranges."""
+        s = exact.scheduled(q, "hi")
+        most = s.L.most()
+        return [dot(s.R[i], exact.box) + dot(s.S[i], exact.u_max) + dot(s.E[i], most[i]) for i in range(len(exact.box))]
 
     def _spread(self, exact, q: int) -> Array:
-        """Largest growth of the width in one sample: d_hi - d_lo, and the rounding of both sums."""
-        out = [Q(a) - Q(b) for a, b in zip(self.t.d_hi[q], self.t.d_lo[q])]
+        """Largest growth of the width in one sample: d_hi - d_lo, both radii, and the rounding of both sums."""
+        out = [Q(a) - Q(b) + 2 * r for a, b, r in zip(self.t.d_hi[q], self.t.d_lo[q], self._apart(exact, q))]
         for side, sign in (("hi", 1), ("lo", -1)):
             offsets = getattr(self.t, "d_" + side)[q]
             for i, demand in enumerate(exact.update(q, side)):
                 out[i] += demand.rounding(sign * Q(offsets[i]), self.t.real)
         return np.array(out, dtype=object)
 
-    def _slack(self, exact, q, p, side, sign):
+    def _slack(self, exact, q, p, side, sign, L):
         """Return b without its noise terms, and b: elementwise maxima."""
         t = self.t
-        L, N = rational(getattr(t, "L_" + side)[q]), rational(getattr(t, "N_" + side)[q])
+        N = exact.scheduled(q, side).N
         T, _, _ = exact.leftover(q, side)
         offset = [sign * Q(x) for x in getattr(t, "d_" + side)[q]]
         against = sup(-sign * product(T, p["Bw"]), p["w_lo"], p["w_hi"])
@@ -79,10 +101,11 @@ class ErrorModel:
         fall = sup(-sign * product(L, p["Dv"]), p["v_lo"], p["v_hi"])
         rise = sup(sign * product(L, p["Dv"]), p["v_lo"], p["v_hi"])
         falls = [sup(-sign * product(N, s["Dv"]), s["v_lo"], s["v_hi"]) for s in exact.exact]
+        apart = [2 * r for r in self._apart(exact, q)]
         rises = [sup(sign * product(N, s["Dv"]), s["v_lo"], s["v_hi"]) for s in exact.exact]
         slack, push = [], []
         for i, x in enumerate(offset):
-            margin = x - along[i] - fall[i] - max(r[i] for r in falls)
+            margin = x - along[i] - fall[i] - max(r[i] for r in falls) + apart[i]
             # Least favourable magnitude: a noise that never vanishes can make the slack negative.
             slack.append(max(x + against[i] + margin, abs(fall[i] + max(r[i] for r in falls))))
             push.append(x + against[i] + rise[i] + max(r[i] for r in rises) + margin)
@@ -94,12 +117,12 @@ class ErrorModel:
         The first keeps the errors in the box, the second (implied by the first where push > 0) brings them
         there: without it a state that nothing drives and nothing damps would have the box 0.
         """
-        for q, (M, push) in enumerate(zip(self.M[side], self.push[side])):
+        for k, (M, push) in enumerate(zip(self.M[side], self.push[side])):
             stay = M @ z
             excess = stay + push - z
             for i in np.argsort([-float(e) for e in excess]):
                 if excess[i] > 0 or stay[i] >= z[i]:
-                    return q, int(i), excess[i]
+                    return self.mode[k], int(i), excess[i]
         return None
 
     def steady_box(self, side: str, rounds: int = 20000) -> Array | None:

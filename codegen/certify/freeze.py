@@ -14,6 +14,7 @@ from scipy.optimize import linprog
 from .containment import Containment
 from .exact import Q, down, eye, product, rational, up
 from .rounding import UNIT
+from .variation import Affine, exact_mode, noise_size
 
 Array = np.ndarray
 SIDES = ("hi", "lo")
@@ -40,27 +41,22 @@ def freeze(tables_class, modes, limits: dict, gains: dict, real: str):
     limits : dict
         "x", "x0", "u", "y" -> (lo, hi) arrays.
     gains : dict
-        "L_hi", "L_lo", "N_hi", "N_lo" -> ndarray (n_modes, n_x, n_y), float64.
+        "L_hi", "L_lo", "N_hi", "N_lo" -> ndarray (n_modes, n_x, n_y), float64; for a plant with parameters or unknowns
+        also "L_theta" (n_modes, J, n_x, n_y), and "midpoint" and "split" (negative entries of M are wanted).
     real : {"float32", "float64"}
 
     Returns
     -------
     FramerTables
     """
+    if "L_theta" in gains:
+        return freeze_varying(tables_class, modes, limits, gains, real)
     n = {k: nearest(v, real) for k, v in gains.items()}
     for side in SIDES:
         pairs = [_closed_loop(m, n["L_" + side][q], n["N_" + side][q]) for q, m in enumerate(modes)]
         n["M_" + side] = np.stack([nearest(M, real) for M, _ in pairs])
         n["G_" + side] = np.stack([nearest(G, real) for _, G in pairs])
-    for name in ("A", "B", "C", "D"):
-        n[name] = nearest(np.stack([getattr(m, name) for m in modes]), real)
-    n["x_lo"], n["x_hi"] = _outward(limits["x"], real)
-    n["x0_lo"], n["x0_hi"] = _outward(limits["x0"], real)
-    for name in ("u", "y"):
-        n[name + "_lo"], n[name + "_hi"] = (nearest(b, real) for b in limits[name])
-    shape = n["M_hi"].shape[:2]
-    for name, size in (("d", shape), ("a", shape), ("c", n["C"].shape[:2])):
-        n[name + "_hi"], n[name + "_lo"] = np.zeros(size, real), np.zeros(size, real)
+    n |= plain_tables(modes, limits, real)
     reach = np.maximum(np.abs(n["x_lo"]), np.abs(n["x_hi"]))
     reach = np.maximum(reach, np.maximum(np.abs(n["x0_lo"]), np.abs(n["x0_hi"])))
     draft = tables_class(real=real, clamp=True, box=reach, **n)
@@ -71,6 +67,112 @@ def freeze(tables_class, modes, limits: dict, gains: dict, real: str):
         if box_holds(modes, free):
             return free
     return draft
+
+
+def plain_tables(modes, limits: dict, real: str) -> dict[str, Array]:
+    """Open-loop matrices and ranges, rounded, and offsets still zero."""
+    n = {name: nearest(np.stack([getattr(m, name) for m in modes]), real) for name in ("A", "B", "C", "D")}
+    n["x_lo"], n["x_hi"] = _outward(limits["x"], real)
+    n["x0_lo"], n["x0_hi"] = _outward(limits["x0"], real)
+    for name in ("u", "y"):
+        n[name + "_lo"], n[name + "_hi"] = (nearest(b, real) for b in limits[name])
+    shape = n["A"].shape[:2]
+    for name, size in (("d", shape), ("a", shape), ("c", n["C"].shape[:2])):
+        n[name + "_hi"], n[name + "_lo"] = np.zeros(size, real), np.zeros(size, real)
+    return n
+
+
+def freeze_varying(tables_class, modes, limits: dict, gains: dict, real: str):
+    """As ``freeze`` for a plant with measured parameters or bounded unknowns: both framers have the same gains."""
+    L, N, slopes = (nearest(gains[k], real) for k in ("L_hi", "N_hi", "L_theta"))
+    n = {"L_hi": L, "L_lo": L, "N_hi": N, "N_lo": N} | plain_tables(modes, limits, real)
+    parts = [vary_mode(m, L[q], N[q], slopes[q], n, gains["split"], real) for q, m in enumerate(modes)]
+    for name in ("M", "G"):
+        n[name + "_hi"] = n[name + "_lo"] = np.stack([p[name] for p in parts])
+    n["A"], n["B"] = (np.stack([p["blind_" + name] for p in parts]) for name in "AB")
+    variation = tables_class.__dataclass_fields__["vary"].metadata["type"]
+    vary = variation(midpoint=bool(gains["midpoint"]), L=slopes, **{
+        key: np.stack([p[key] for p in parts]) for key in ("theta_lo", "theta_hi", "R", "S", "E", "Ra", "Sa")},
+        M=np.stack([p["M_theta"] for p in parts]), G=np.stack([p["G_theta"] for p in parts]))
+    reach = np.maximum(np.maximum(np.abs(n["x_lo"]), np.abs(n["x_hi"])),
+                       np.maximum(np.abs(n["x0_lo"]), np.abs(n["x0_hi"])))
+    return with_offsets(modes, tables_class(real=real, clamp=True, box=reach, vary=vary, **n))
+
+
+def vary_mode(mode, L: Array, N: Array, slopes: Array, n: dict, split: bool, real: str) -> dict[str, Array]:
+    """Tables of one mode: closed loop, radii, box of theta, prediction at the middle of the box."""
+    p = exact_mode(mode, mode.B.shape)
+    L0, N, Lj = rational(L), rational(N), [rational(x) for x in slopes]
+    T = eye(len(p["A"])) - product(N, p["C"])
+    lo = [down(x, real) for x in p["theta_lo"]]
+    hi = [up(x, real) for x in p["theta_hi"]]
+    box = [rational(np.array(b)) for b in (lo, hi)]
+    size = abs(p["A"]) + product(abs(product(N, p["C"])), abs(p["A"])) + product(abs(L0), abs(p["C"]))
+    reach = [max(abs(a), abs(b)) for a, b in zip(*box)]
+    for r, a, g in zip(reach, p["A_theta"], Lj):
+        size = size + r * (abs(a) + product(abs(product(N, p["C"])), abs(a)) + product(abs(g), abs(p["C"])))
+    M = Affine(product(T, p["A"]) - product(L0, p["C"]),
+               [product(T, a) - product(g, p["C"]) for a, g in zip(p["A_theta"], Lj)], *box)
+    out = closed_entries(M, size, split, real)
+    out["G"] = nearest(product(T, p["B"]) - product(L0, p["D"]), real)
+    out["G_theta"] = stacked([product(T, b) - product(g, p["D"]) for b, g in zip(p["B_theta"], Lj)], mode.B.shape, real)
+    out["theta_lo"], out["theta_hi"] = np.array(lo, dtype=real), np.array(hi, dtype=real)
+    weight_x = rational(np.maximum(np.abs(n["x_lo"]), np.abs(n["x_hi"])))
+    weight_u = rational(np.maximum(np.abs(n["u_lo"]), np.abs(n["u_hi"])))
+    A_mid = Affine(p["A"], p["A_theta"], p["theta_lo"], p["theta_hi"])
+    B_mid = Affine(p["B"], p["B_theta"], p["theta_lo"], p["theta_hi"])
+    out["blind_A"], out["blind_B"] = nearest(A_mid.middle, real), nearest(B_mid.middle, real)
+    for names, T_of, extra in ((("R", "S"), T, (0, 0)), (("Ra", "Sa"), eye(len(T)), (A_mid.radius, B_mid.radius))):
+        for name, key, weight, more in zip(names, "AB", (weight_x, weight_u), extra):
+            total = product(abs(T_of), p[f"{key}_rad"]) + more
+            for F in p[f"{key}_unc"]:
+                total = total + abs(product(T_of, F))
+            out[name] = worthwhile(total, weight, weight_x, real)
+    noise = noise_size(p)
+    moved = np.any(np.array([[[x != 0 for x in row] for row in g] for g in Lj], dtype=bool).reshape(-1, *L.shape), axis=0)
+    out["E"] = np.array([[up(noise[j], real) if moved[i, j] else 0.0 for j in range(L.shape[1])]
+                         for i in range(len(L))], dtype=real)
+    return out
+
+
+def closed_entries(M: Affine, size: Array, split: bool, real: str) -> dict[str, Array]:
+    """Round M(theta); what is only rounding, or below zero by rounding, becomes zero and goes into the margin."""
+    base, slopes = M.base.copy(), [F.copy() for F in M.slopes]
+    most, least = M.most(), M.least()
+    for index in np.ndindex(base.shape):
+        noise = 4 * UNIT[real] * size[index]
+        if most[index] <= noise or (not split and M.largest()[index] <= noise):
+            base[index] = fmpq(0)
+            for F in slopes:
+                F[index] = fmpq(0)
+    rounded = nearest(base, real)
+    steps = stacked(slopes, base.shape, real)
+    if not split:  # rounding must not push an entry below zero at a corner of the box
+        again = Affine(rational(rounded), [rational(F) for F in steps], M.lo, M.hi)
+        for index in np.ndindex(base.shape):
+            lack = -again.least()[index]
+            if lack > 0 and least[index] > -64 * UNIT[real] * size[index]:
+                rounded[index] = up(Q(rounded[index]) + lack, real)
+    return {"M": rounded, "M_theta": steps}
+
+
+def stacked(matrices: list, shape: tuple[int, int], real: str) -> Array:
+    """Round a list of rational matrices to one array, empty lists included."""
+    return nearest(np.array(matrices, dtype=object).reshape(len(matrices), *shape), real)
+
+
+def worthwhile(total: Array, weight: Array, rows: Array, real: str) -> Array:
+    """Round radii up; those of the size of rounding go into the offsets instead and cost no code.
+
+    ``weight`` bounds the magnitude of the columns' signals, ``rows`` that of the result.
+    """
+    out = np.zeros(total.shape, dtype=real)
+    for i, row in enumerate(total):
+        least = max([8 * UNIT[real] * rows[i], *(x * w / 10**6 for x, w in zip(row, weight))])
+        for j, (x, w) in enumerate(zip(row, weight)):
+            if x * w > least:
+                out[i, j] = up(x, real)
+    return out
 
 
 def _closed_loop(mode, L: Array, N: Array):

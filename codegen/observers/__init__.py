@@ -1,6 +1,6 @@
 """Run-time families: one recursion per file, the numpy step that the C must equal bit for bit."""
 
-from .framer import FramerTables
+from .framer import FramerTables, Variation
 from .interval import IntervalObserver
 from .supervisor import Supervision
 from .tnl import TnlObserver
@@ -8,4 +8,4 @@ from .trace import Trace
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver}
 
-__all__ = ["FAMILIES", "FramerTables", "IntervalObserver", "Supervision", "TnlObserver", "Trace"]
+__all__ = ["FAMILIES", "FramerTables", "IntervalObserver", "Supervision", "TnlObserver", "Trace", "Variation"]

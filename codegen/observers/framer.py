@@ -7,6 +7,13 @@ An interval observer carries two framers, ``x_lo <= x <= x_hi``. In mode q both 
 with ``M >= 0`` elementwise, N = 0 for the classical observer. ``d_hi``/``d_lo`` hold the worst case of
 disturbance, noise *and rounding*, so the two lines are sound in floating point.
 
+A plant with parameters or bounded unknowns has a ``Variation`` beside the tables: M, G and L then are affine in the
+measured parameters theta, and both framers move apart by a radius that grows with the state::
+
+    radius = R max(-x_lo, x_hi) + S |u| + |L(theta)| E
+
+Such tables may have negative constants in M (method "component-interval"): each takes the opposite bound of x.
+
 Every function here repeats the C's operations in the C's order and precision: a sum starts with the
 input terms, then the outputs, then the offset, then the state; products are rounded before they are
 added. Terms with coefficient zero, which the C leaves out, change no value. The arrays have a leading
@@ -15,11 +22,64 @@ axis of S independent runs, so that a test can drive many at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Variation:
+    """What depends on the parameters, and what is only bounded.
+
+    Parameters
+    ----------
+    theta_lo, theta_hi : ndarray (N, J)
+        What the check of the measured parameters accepts in each mode.
+    midpoint : bool
+        The step takes the mean of theta at both its ends (a sampled plant), else theta at its start.
+    M, G, L : ndarray (N, J, n_x, n_x), (N, J, n_x, n_u), (N, J, n_x, n_y)
+        Slopes in theta; the same for both framers.
+    R : ndarray (N, n_x, n_x), S : ndarray (N, n_x, n_u)
+        Bounds of the unknown part, >= 0.
+    E : ndarray (N, n_x, n_y)
+        Largest noise in each output where the gain on it depends on theta, else 0.
+    Ra : ndarray (N, n_x, n_x), Sa : ndarray (N, n_x, n_u)
+        As R, S for the open-loop prediction.
+    """
+
+    theta_lo: Array
+    theta_hi: Array
+    midpoint: bool
+    M: Array
+    G: Array
+    L: Array
+    R: Array
+    S: Array
+    E: Array
+    Ra: Array
+    Sa: Array
+
+    @property
+    def parameters(self) -> int:
+        """Number of measured parameters."""
+        return self.theta_lo.shape[1]
+
+    def to_dict(self) -> dict:
+        """Return plain lists for design.json."""
+        return {f.name: value.astype(np.float64).tolist() if isinstance(value := getattr(self, f.name), np.ndarray)
+                else value for f in fields(self)}
+
+    @classmethod
+    def from_dict(cls, data: dict, sizes: tuple[int, int, int, int], real: str) -> Variation:
+        """Rebuild from ``to_dict``; ``sizes`` is (n_modes, n_x, n_u, n_y)."""
+        n, x, u, y = sizes
+        J = np.array(data["theta_lo"]).reshape(n, -1).shape[1]
+        shapes = {"theta_lo": (n, J), "theta_hi": (n, J), "M": (n, J, x, x), "G": (n, J, x, u), "L": (n, J, x, y),
+                  "R": (n, x, x), "S": (n, x, u), "E": (n, x, y), "Ra": (n, x, x), "Sa": (n, x, u)}
+        return cls(midpoint=bool(data["midpoint"]), **{
+            k: np.array(data[k], dtype=np.float64).reshape(s).astype(real) for k, s in shapes.items()})
 
 
 @dataclass(frozen=True)
@@ -48,6 +108,8 @@ class FramerTables:
         What the input check accepts.
     clamp : bool
         The framers are cut to the declared range after each update (where no invariant box exists).
+    vary : Variation or None
+        None: constant matrices per mode.
     """
 
     real: str
@@ -79,6 +141,19 @@ class FramerTables:
     y_lo: Array
     y_hi: Array
     clamp: bool
+    vary: Variation | None = field(default=None, metadata={"type": Variation})
+
+    @property
+    def flipped(self) -> Array:
+        """Where M takes the opposite bound: constant negative entries, in tables that allow them; (N, n_x, n_x)."""
+        if self.vary is None:
+            return np.zeros(self.M_hi.shape, dtype=bool)
+        return (self.M_hi < 0) & ~np.any(self.vary.M != 0, axis=1)
+
+    @property
+    def signed(self) -> bool:
+        """Whether M has entries that take the opposite bound."""
+        return bool(np.any(self.flipped))
 
     @property
     def shared(self) -> bool:
@@ -96,6 +171,9 @@ class FramerTables:
         out = {}
         for f in fields(self):
             value = getattr(self, f.name)
+            if f.name == "vary":
+                out |= {} if value is None else {"vary": value.to_dict()}
+                continue
             out[f.name] = value.astype(np.float64).tolist() if isinstance(value, np.ndarray) else value
         return out
 
@@ -111,7 +189,8 @@ class FramerTables:
                   "u_lo": (u,), "u_hi": (u,), "y_lo": (y,), "y_hi": (y,)}
         dtype = np.dtype(data["real"])
         arrays = {k: np.array(data[k], dtype=np.float64).reshape(s).astype(dtype) for k, s in shapes.items()}
-        return cls(real=data["real"], clamp=bool(data["clamp"]), **arrays)
+        vary = Variation.from_dict(data["vary"], sizes, data["real"]) if "vary" in data else None
+        return cls(real=data["real"], clamp=bool(data["clamp"]), vary=vary, **arrays)
 
 
 def add_terms(total: Array, matrix: Array, vector: Array) -> Array:
@@ -124,7 +203,17 @@ def add_terms(total: Array, matrix: Array, vector: Array) -> Array:
     return total
 
 
-def propagate(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: Array, y_next: Array):
+def scheduled(base: Array, slopes: Array, theta: Array) -> Array:
+    """Evaluate ``base + theta_1 slopes_1 + ...``, each product and sum rounded.
+
+    Shapes: base (S, r, c), slopes (S, J, r, c), theta (S, J).
+    """
+    for j in range(theta.shape[1]):
+        base = base + theta[:, j, None, None] * slopes[:, j]
+    return base
+
+
+def propagate(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: Array, y_next: Array, theta: Array):
     """One step of both framers from sample k to k+1 with the mode q of sample k.
 
     Parameters
@@ -134,6 +223,8 @@ def propagate(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: 
     u : ndarray (S, n_u)
     y, y_next : ndarray (S, n_y)
         y at k, and y at k+1 (multiplied by N; pass zeros for the classical observer).
+    theta : ndarray (S, J)
+        Measured parameters of the step; (S, 0) where there are none.
 
     Returns
     -------
@@ -141,14 +232,36 @@ def propagate(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: 
     """
     zero = np.zeros_like(x_lo)
     sides = []
-    for M, G, L, N, d, x in ((t.M_lo, t.G_lo, t.L_lo, t.N_lo, t.d_lo, x_lo),
-                             (t.M_hi, t.G_hi, t.L_hi, t.N_hi, t.d_hi, x_hi)):
-        common = add_terms(zero, G[q], u)
-        common = add_terms(common, L[q], y)
+    for M, G, L, N, d, own, other in ((t.M_lo, t.G_lo, t.L_lo, t.N_lo, t.d_lo, x_lo, x_hi),
+                                      (t.M_hi, t.G_hi, t.L_hi, t.N_hi, t.d_hi, x_hi, x_lo)):
+        M, G, L = M[q], G[q], L[q]
+        if t.vary is not None:
+            M, G, L = (scheduled(a, b[q], theta) for a, b in ((M, t.vary.M), (G, t.vary.G), (L, t.vary.L)))
+        common = add_terms(zero, G, u)
+        common = add_terms(common, L, y)
         common = add_terms(common, N[q], y_next)
-        sides.append(add_terms(common + d[q], M[q], x))
+        sides.append(add_chosen_terms(common + d[q], M, t.flipped[q], own, other))
     lo, hi = sides
+    if t.vary is not None:
+        apart = spread(t.vary.R[q], t.vary.S[q], x_lo, x_hi, u)
+        for j in range(L.shape[2]):
+            apart = apart + np.abs(L[:, :, j]) * t.vary.E[q][:, :, j]
+        lo, hi = lo - apart, hi + apart
     return cut(t, lo, hi) if t.clamp else (lo, hi)
+
+
+def spread(R: Array, S: Array, x_lo: Array, x_hi: Array, u: Array) -> Array:
+    """Return ``R max(-x_lo, x_hi) + S |u|``: how far the unknown part can move each state."""
+    return add_terms(add_terms(np.zeros_like(x_lo), R, np.maximum(-x_lo, x_hi)), S, np.abs(u))
+
+
+def add_chosen_terms(total: Array, matrix: Array, flipped: Array, own: Array, other: Array) -> Array:
+    """Add ``matrix @ own`` column by column, with ``other`` where ``flipped`` (S, r, c) says so."""
+    if not flipped.any():
+        return add_terms(total, matrix, own)
+    for j in range(matrix.shape[2]):
+        total = total + matrix[:, :, j] * np.where(flipped[:, :, j], other[:, j, None], own[:, j, None])
+    return total
 
 
 def add_signed_terms(total: Array, matrix: Array, below: Array, above: Array) -> Array:
@@ -169,6 +282,9 @@ def open_loop(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array):
     common = add_terms(np.zeros_like(x_lo), t.B[q], u)
     lo = add_signed_terms(common + t.a_lo[q], t.A[q], x_hi, x_lo)
     hi = add_signed_terms(common + t.a_hi[q], t.A[q], x_lo, x_hi)
+    if t.vary is not None:
+        apart = spread(t.vary.Ra[q], t.vary.Sa[q], x_lo, x_hi, u)
+        lo, hi = lo - apart, hi + apart
     return cut(t, lo, hi)
 
 

@@ -18,6 +18,7 @@ from .supervisor import (
     BAD_INPUT,
     BAD_MODE,
     BAD_OUTPUT,
+    BAD_PARAMETER,
     OK,
     Supervision,
     SupervisorState,
@@ -58,13 +59,13 @@ class IntervalObserver:
         self.hi = np.broadcast_to(hi, (runs, len(t.box))).astype(t.dtype)
         self.guard = SupervisorState(runs, n_bits, t.M_hi.shape[0])
 
-    def _arrive(self, t, measured, y):
+    def _arrive(self, t, measured, y, theta):
         """Framers at this sample, per run with or without a measurement."""
         return self.lo, self.hi
 
-    def _leave(self, t, on, measured, again, lo, hi, u, y, q):
+    def _leave(self, t, on, measured, again, lo, hi, u, y, q, theta):
         """Store what the next sample needs, for the runs in ``on``."""
-        next_lo, next_hi = propagate(t, q, lo, hi, u, y, np.zeros_like(y))
+        next_lo, next_hi = propagate(t, q, lo, hi, u, y, np.zeros_like(y), theta)
         blind_lo, blind_hi = open_loop(t, q, lo, hi, u)
         self._keep(t, on, again, np.where(measured[:, None], next_lo, blind_lo),
                    np.where(measured[:, None], next_hi, blind_hi))
@@ -73,9 +74,10 @@ class IntervalObserver:
         lo, hi = np.where(again[:, None], t.x_lo, lo), np.where(again[:, None], t.x_hi, hi)
         self.lo, self.hi = np.where(on[:, None], lo, self.lo), np.where(on[:, None], hi, self.hi)
 
-    def sample(self, t: FramerTables, on: Array, measured: Array, u: Array, y: Array, q: Array, out: Trace) -> None:
+    def sample(self, t: FramerTables, on: Array, measured: Array, u: Array, y: Array, q: Array, theta: Array,
+               out: Trace) -> None:
         """One sample of the runs in ``on``: ``<p>_step`` where ``measured``, else ``<p>_predict``."""
-        lo, hi = self._arrive(t, measured, y)
+        lo, hi = self._arrive(t, measured, y, theta)
         r_lo, r_hi = residuals(t, q, lo, hi, u, y)
         raw = (r_lo > 0) | (r_hi < 0)
         if not t.shared:
@@ -84,7 +86,7 @@ class IntervalObserver:
         alarm, again, assured = judge(self.supervision, self.guard, on & measured, raw)
         blind = undisturbed(self.supervision, self.guard)
         again = again & measured
-        self._leave(t, on, measured, again, lo, hi, u, y, q)
+        self._leave(t, on, measured, again, lo, hi, u, y, q, theta)
         seen = on & measured
         out.x_lo[on], out.x_hi[on] = lo[on], hi[on]
         out.r_lo[seen], out.r_hi[seen] = r_lo[seen], r_hi[seen]
@@ -115,8 +117,8 @@ class IntervalObserver:
             A row of y with a NaN in it is a missing measurement (``<p>_predict``).
         q : ndarray (K,) int, optional
             Active mode, default 0.
-        theta : ignored
-            This family has no scheduling parameter.
+        theta : ndarray (K, J), optional
+            Measured parameters; needed where the tables have some.
         real : {"float32", "float64"}
         x0_lo, x0_hi : ndarray (n_x,), optional
             Another initial box than the plant file's.
@@ -127,31 +129,42 @@ class IntervalObserver:
         """
         y = np.asarray(y)
         q = np.zeros(len(y), dtype=np.int64) if q is None else np.asarray(q)
-        return self.run_many(np.asarray(u)[None], y[None], q[None], real, x0_lo, x0_hi).row(0)
+        theta = None if theta is None else np.asarray(theta)[None]
+        return self.run_many(np.asarray(u)[None], y[None], q[None], real, x0_lo, x0_hi, theta).row(0)
 
-    def run_many(self, u, y, q, real="float32", x0_lo=None, x0_hi=None) -> Trace:
-        """As ``run`` for S runs at once: u (S, K, n_u), y (S, K, n_y), q (S, K) -> Trace of (S, K, ...)."""
+    def run_many(self, u, y, q, real="float32", x0_lo=None, x0_hi=None, theta=None) -> Trace:
+        """As ``run`` for S runs at once: u (S, K, n_u), y (S, K, n_y), q (S, K), theta (S, K, J) -> Trace of (S, K, ...)."""
         t = self.tables[real]
         u, y, q = np.asarray(u).astype(t.dtype), np.asarray(y).astype(t.dtype), np.asarray(q)
+        theta = np.empty((*q.shape, 0)) if t.vary is None or theta is None else np.asarray(theta)
+        theta = theta.astype(t.dtype)
         runs, steps = q.shape
         trace = Trace.empty((runs, steps), len(t.box), t.C.shape[1], t.dtype)
         self.start(t, runs, x0_lo, x0_hi)
         for k in range(steps):
-            self._one(t, u[:, k], y[:, k], q[:, k], trace.row((slice(None), k)))
+            self._one(t, u[:, k], y[:, k], q[:, k], theta[:, k], trace.row((slice(None), k)))
         return trace
 
-    def _one(self, t, u, y, q, out):
+    def _one(self, t, u, y, q, theta, out):
         """Check the inputs as the C does, then do what the header tells firmware to do on an error."""
         missing = np.isnan(y).any(axis=1)
         bad_mode = (q < 0) | (q >= t.M_hi.shape[0])
         bad_u = ~((u >= t.u_lo) & (u <= t.u_hi)).all(axis=1)
         bad_y = ~((y >= t.y_lo) & (y <= t.y_hi)).all(axis=1) & ~missing
-        status = np.where(bad_mode, BAD_MODE, np.where(bad_u, BAD_INPUT, np.where(bad_y, BAD_OUTPUT, OK)))
-        on = ~(bad_mode | bad_u)
+        safe_theta = theta
+        if t.vary is not None and t.vary.parameters:
+            lo, hi = (b[np.where(bad_mode, 0, q)] for b in (t.vary.theta_lo, t.vary.theta_hi))
+            bad_theta = ~((theta >= lo) & (theta <= hi)).all(axis=1)
+            safe_theta = np.where(bad_theta[:, None], lo, theta)
+        else:
+            bad_theta = np.zeros(len(q), dtype=bool)
+        status = np.where(bad_mode, BAD_MODE, np.where(bad_u, BAD_INPUT, np.where(
+            bad_theta, BAD_PARAMETER, np.where(bad_y, BAD_OUTPUT, OK))))
+        on = ~(bad_mode | bad_u | bad_theta)
         measured = on & ~bad_y & ~missing
         # Rows that are refused are computed with harmless numbers and then thrown away.
         safe_u, safe_y = np.where(on[:, None], u, t.u_lo), np.where(measured[:, None], y, t.y_lo)
-        self.sample(t, on, measured, safe_u, safe_y, np.where(on, q, 0), out)
+        self.sample(t, on, measured, safe_u, safe_y, np.where(on, q, 0), safe_theta, out)
         if not on.all():
             self.reset(t, ~on)
         out.status[...] = status

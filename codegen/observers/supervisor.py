@@ -16,7 +16,7 @@ import numpy as np
 
 Array = np.ndarray
 
-OK, BAD_MODE, BAD_INPUT, BAD_OUTPUT = 0, 1, 2, 3
+OK, BAD_MODE, BAD_INPUT, BAD_OUTPUT, BAD_PARAMETER = 0, 1, 2, 3, 4
 
 
 @dataclass(frozen=True)

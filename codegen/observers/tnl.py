@@ -4,7 +4,7 @@ At sample k, from the framers, input, output and mode p of sample k-1::
 
     1  x = M_p x- + G_p u- + L_p y- + N_p y + d_p      M = T A - L C >= 0,  T + N C = I,  G = T B
     2  r = C x + Dv v - y over the box                 residual bounds, alarms
-    3  keep x, u, y, mode
+    3  keep x, u, y, mode, theta
 
 Source: Zammali (2020), Theorem 15, (5.23). The printed ``x_k = xi_k + N_q y_k`` must use the N of the mode that
 produced xi_k, i.e. of sample k-1, which is why the firmware keeps its last mode. Keeping u and y too (the
@@ -31,26 +31,33 @@ class TnlObserver(IntervalObserver):
         super()._fill(t, runs, lo, hi)
         self.u = np.zeros((runs, t.G_hi.shape[2]), dtype=t.dtype)
         self.y = np.zeros((runs, t.C.shape[1]), dtype=t.dtype)
+        self.theta = np.zeros((runs, 0 if t.vary is None else t.vary.parameters), dtype=t.dtype)
         self.phase = np.full(runs, FRESH)
 
-    def _arrive(self, t, measured, y):
+    def _arrive(self, t, measured, y, theta):
         p = np.minimum(self.guard.mode, t.M_hi.shape[0] - 1)  # only read where a mode has been seen
-        corrected = propagate(t, p, self.lo, self.hi, self.u, self.y, y)
+        if t.vary is not None and t.vary.midpoint:
+            step = (self.theta + theta) * t.dtype.type(0.5)
+        else:
+            step = self.theta
+        corrected = propagate(t, p, self.lo, self.hi, self.u, self.y, y, step)
         blind = open_loop(t, p, self.lo, self.hi, self.u)
         fresh, full = (self.phase == FRESH)[:, None], ((self.phase == FULL) & measured)[:, None]
         return tuple(np.where(fresh, own, np.where(full, c, b))
                      for own, c, b in zip((self.lo, self.hi), corrected, blind))
 
-    def _leave(self, t, on, measured, again, lo, hi, u, y, q):
+    def _leave(self, t, on, measured, again, lo, hi, u, y, q, theta):
         self._keep(t, on, again, lo, hi)
         self.u = np.where(on[:, None], u, self.u)
         self.y = np.where((on & measured)[:, None], y, self.y)
+        self.theta = np.where((on & measured)[:, None], theta, self.theta)
         self.phase = np.where(on, np.where(again, FRESH, np.where(measured, FULL, BLIND)), self.phase)
 
     def reset(self, t, on):
         """Restart the runs in ``on`` from the declared ranges, alarms cleared (``<p>_reset``)."""
-        u, y, phase = self.u, self.y, self.phase
+        u, y, theta, phase = self.u, self.y, self.theta, self.phase
         super().reset(t, on)
         self.u = np.where(on[:, None], self.u, u)
         self.y = np.where(on[:, None], self.y, y)
+        self.theta = np.where(on[:, None], self.theta, theta)
         self.phase = np.where(on, self.phase, phase)

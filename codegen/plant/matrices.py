@@ -154,21 +154,34 @@ def _entries(
     return tuple(frozen(part) for part in parts)
 
 
-def _mode_bounds(table: ModeTable, signals: Signals) -> dict[str, Array]:
-    known = [signal.name for vector in ("w", "v") for signal in signals[vector]]
+def _mode_bounds(table: ModeTable, signals: Signals) -> dict:
+    known = [signal.name for vector in ("w", "v", "theta") for signal in signals[vector]]
     for name in table.bounds:
         if name not in known:
-            raise PlantError(f"modes.{table.name}.bounds: {unknown('w or v channel', name, known)}")
+            raise PlantError(f"modes.{table.name}.bounds: {unknown('channel of w, v or theta', name, known)}")
         if known.count(name) > 1:
             raise PlantError(
-                f'modes.{table.name}.bounds: "{name}" is a channel of w and of v. Rename one of the two.'
+                f'modes.{table.name}.bounds: "{name}" names two channels of w, v and theta. Rename one of the two.'
             )
     limits = {}
     for vector in ("w", "v"):
         pairs = [table.bounds.get(s.name, (s.lo, s.hi)) for s in signals[vector]]
         limits[f"{vector}_lo"] = frozen([lo for lo, _ in pairs])
         limits[f"{vector}_hi"] = frozen([hi for _, hi in pairs])
+    if any(s.name in table.bounds for s in signals["theta"]):
+        limits["theta_bounds"] = _theta_bounds(table, signals)
     return limits
+
+
+def _theta_bounds(table: ModeTable, signals: Signals) -> tuple[Array, Array]:
+    pairs = [table.bounds.get(s.name, (s.lo, s.hi)) for s in signals["theta"]]
+    for signal, (lo, hi) in zip(signals["theta"], pairs):
+        if lo < signal.lo or hi > signal.hi:
+            raise PlantError(
+                f"modes.{table.name}.bounds.{signal.name}: is [{lo:g}, {hi:g}], expected within "
+                f"[{signal.lo:g}, {signal.hi:g}] of signals.theta. Widen those."
+            )
+    return frozen([lo for lo, _ in pairs]), frozen([hi for _, hi in pairs])
 
 
 def _refuse_descriptor(table: ModeTable, common: MatricesTable, n_x: int) -> None:

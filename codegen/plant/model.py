@@ -7,6 +7,7 @@ that the certificates are about.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,10 @@ class Signal:
     measured : bool
         For theta only: the firmware reads it.
     rate : float
-        For theta only: largest absolute rate of change per second.
+        For theta and u: largest absolute rate of change per second. An input without a rate is held between
+        samples (rate 0); a parameter without one may jump (rate inf).
+    error : float
+        For a measured theta: largest error of the measurement.
     """
 
     name: str
@@ -38,6 +42,7 @@ class Signal:
     hi: float = np.inf
     measured: bool = True
     rate: float = np.inf
+    error: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,8 @@ class Mode:
         Noise bounds in this mode.
     theta_terms : dict
         Matrix name -> tuple of n_theta arrays: the entry is ``A + sum_j theta_j * theta_terms["A"][j]``.
+    theta_bounds : (ndarray, ndarray) or None
+        Bounds of theta in this mode, where they differ from those of ``[signals]``.
     """
 
     name: str
@@ -73,6 +80,7 @@ class Mode:
     v_lo: Array
     v_hi: Array
     theta_terms: dict[str, tuple[Array, ...]] = field(default_factory=dict)
+    theta_bounds: tuple[Array, Array] | None = None
 
 
 @dataclass(frozen=True)
@@ -220,6 +228,12 @@ class Plant:
     text: str = ""
     folder: str = ""
     constants: dict[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def observed(self) -> Plant:
+        """The plant as the firmware sees it: discrete time, measured parameters, the rest as bounds."""
+        from .uncertain import observed  # model is what uncertain builds on
+        return observed(self)
 
     @property
     def n_x(self) -> int:

@@ -44,11 +44,18 @@ class BoundSignal(Table):
     bounds: Interval
 
 
+class InputSignal(RangeSignal):
+    """A channel of u; rate is its largest change per second between samples (left out: it is held)."""
+
+    rate: Annotated[FiniteFloat, Field(gt=0)] | None = None
+
+
 class ThetaSignal(BoundSignal):
-    """A scheduling parameter; rate is its largest change per second."""
+    """A scheduling parameter: its largest change per second, the largest error of its measurement."""
 
     measured: bool = True
     rate: Annotated[FiniteFloat, Field(gt=0)] | None = None
+    error: Annotated[FiniteFloat, Field(ge=0)] = 0.0
 
 
 class TimeTable(Table):
@@ -62,7 +69,7 @@ class SignalsTable(Table):
     """``[signals]``."""
 
     x: Annotated[list[RangeSignal], Field(min_length=1)]
-    u: list[RangeSignal] = []
+    u: list[InputSignal] = []
     y: Annotated[list[RangeSignal], Field(min_length=1)]
     w: list[BoundSignal] = []
     v: list[BoundSignal] = []
@@ -92,7 +99,7 @@ class MatricesTable(Table):
 
 
 class ModeTable(MatricesTable):
-    """``[[mode]]``; ``bounds`` replaces the bounds of w and v channels in this mode."""
+    """``[[mode]]``; ``bounds`` replaces the bounds of w, v and theta in this mode."""
 
     name: str
     bounds: dict[str, Interval] = {}

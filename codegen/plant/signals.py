@@ -7,7 +7,7 @@ import numpy as np
 from codegen.errors import PlantError
 from codegen.plant.model import Array, Signal
 from codegen.plant.names import check_channels, check_text
-from codegen.plant.schema import InitialTable, SignalsTable, ThetaSignal
+from codegen.plant.schema import InitialTable, InputSignal, SignalsTable, ThetaSignal
 
 VECTORS = ("x", "u", "y", "w", "v", "f", "theta")
 
@@ -121,5 +121,10 @@ def _signal(row: object) -> Signal:
     limits = getattr(row, "bounds", None) or getattr(row, "range", None) or (-np.inf, np.inf)
     if isinstance(row, ThetaSignal):
         rate = np.inf if row.rate is None else row.rate
-        return Signal(row.name, row.unit, *limits, measured=row.measured, rate=rate)
+        if row.error and not row.measured:
+            raise PlantError(f"signals.theta.{row.name}.error: is {row.error:g}, but the parameter is not measured. "
+                             "Leave it out, or set measured = true.")
+        return Signal(row.name, row.unit, *limits, measured=row.measured, rate=rate, error=row.error)
+    if isinstance(row, InputSignal):
+        return Signal(row.name, row.unit, *limits, rate=row.rate or 0.0)
     return Signal(row.name, row.unit, *limits)

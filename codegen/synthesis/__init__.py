@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import ModuleType
 
-from . import interval, tnl_interval
+from . import component_interval, interval, lpv_interval, tnl_interval, tnl_interval_lpv
 from .framers import check_options
 
 
@@ -30,12 +30,25 @@ class Method:
     reference: str
     module: ModuleType
 
+    def family_for(self, plant) -> str:
+        """Run-time family for a plant: some methods take another one for a sampled plant."""
+        choose = getattr(self.module, "family_for", None)
+        return self.family if choose is None else choose(plant)
+
 
 METHODS = {
     "interval": Method(("discrete switched",), "interval", "classical fault-detection interval observer",
                        "Zammali (2020), Theorems 13, 14, 17", interval),
     "tnl-interval": Method(("discrete switched",), "tnl", "interval observer with T, N, L structure",
                            "Zammali (2020), Theorems 15, 16, 18", tnl_interval),
+    "lpv-interval": Method(("discrete LPV", "continuous LPV"), "interval", "interval observer scheduled by parameters",
+                           "Zammali (2020), Theorems 6 to 10", lpv_interval),
+    "tnl-interval-lpv": Method(("discrete LPV", "continuous LPV"), "tnl",
+                               "T, N, L interval observer for parameters that are not measured",
+                               "Chevet (2021)", tnl_interval_lpv),
+    "component-interval": Method(("discrete LPV", "continuous LPV"), "interval",
+                                 "interval observer for bounded changes of the plant", "Lamouchi (2016)",
+                                 component_interval),
 }
 
 __all__ = ["METHODS", "Method", "check_options"]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ..errors import DesignError
-from . import detection, linf, width
+from . import detection, linf, policy, width
 from .problem import Candidate, Judge, Problem
 from .structure import obstruction
 
@@ -16,7 +16,7 @@ Array = np.ndarray
 #: Options of ``[observer]`` that the interval family reads, with what they may be.
 OPTIONS = {
     "criterion": ("linf", "width", "detection"), "lyapunov": ("common", "multiple"), "lambda": (0.0, 1.0),
-    "contraction": (0.0, 1.0), "gain_cap": (0.0, 1e6), "evaluations": (1, 100000), "within": (0, 50), "gains": dict,
+    "contraction": (0.0, 1.0), "sampling": ("euler", "second-order", "exponential"), "gain_cap": (0.0, 1e6), "evaluations": (1, 100000), "within": (0, 50), "gains": dict,
 }
 
 
@@ -48,9 +48,29 @@ def check_options(where: str, options: dict) -> None:
 def inapplicable(plant, tnl: bool) -> str | None:
     """Why a plant cannot have an interval observer of this form, with what to change; None if it can."""
     if plant.kind != "discrete":
-        return "the plant is continuous, expected discrete. Discretise it (time.kind = \"discrete\")."
+        return 'the plant is continuous, expected discrete. Use method "tnl-interval-lpv" or "lpv-interval".'
     if plant.theta:
-        return "the plant has scheduling parameters, expected constant matrices per mode."
+        return ('the plant has scheduling parameters, expected constant matrices per mode. Use method "lpv-interval" '
+                'or "tnl-interval-lpv".')
+    return common_reason(plant, tnl)
+
+
+def inapplicable_varying(plant, tnl: bool, split: bool = False) -> str | None:
+    """As ``inapplicable`` for the methods that take parameters and continuous plants."""
+    if plant.kind == "discrete" and not plant.theta:
+        return 'the plant has constant matrices in discrete time. Use method "tnl-interval" or "interval".'
+    for mode in plant.modes:
+        for name in set(mode.theta_terms) - {"A", "B"}:
+            return (f'{name} of mode "{mode.name}" depends on a parameter, expected only A and B to. Take the middle and '
+                    "widen the bounds of w or v by the rest.")
+    if split and any(s.measured for s in plant.theta):
+        return ('parameters are measured, expected none: use "lpv-interval" or "tnl-interval-lpv", or set measured = '
+                "false.")
+    return common_reason(plant, tnl)
+
+
+def common_reason(plant, tnl: bool) -> str | None:
+    """What stands in the way of any interval observer; None if nothing does."""
     if not plant.switching.known:
         return "the mode is not known at run time, expected switching.known = true."
     if plant.n_y == 0:
@@ -107,3 +127,27 @@ def candidates(plant, tnl: bool, options: dict, judge: Judge | None,
     if "detection" in wanted and judge is not None and boxes:
         starts = [min(boxes, key=lambda pair: pair[0])[1], min(boxes, key=lambda pair: pair[0][::-1])[1]]
         yield from detection.candidates(problem, options, starts[:1 + (starts[0] is not starts[1])], judge, progress)
+
+
+def candidates_varying(plant, tnl: bool, options: dict, judge, settled, progress: Callable[[str], None],
+                       split: bool = False) -> Iterator[Candidate]:
+    """Designs of the methods that take parameters and continuous plants; arguments as ``candidates``.
+
+    Raises
+    ------
+    DesignError
+        The structure forbids any design.
+    """
+    if options.get("criterion") == "detection":
+        raise DesignError(f'{plant.name}: criterion "detection" is for constant matrices per mode, expected "width" or '
+                          '"linf". Without a criterion the design with the smallest surely detected fault is kept.')
+    problem = Problem.of(plant, tnl, split)
+    reason = None if split or problem.parameters else obstruction(problem)
+    if reason is not None:
+        raise DesignError(f"{plant.name}: {reason}")
+    wanted = [options["criterion"]] if "criterion" in options else ["width", "linf"]
+    if "width" in wanted:
+        yield from policy.candidates(problem, options, progress)
+        yield from width.candidates(problem, options, progress)
+    if "linf" in wanted:
+        yield from linf.candidates(problem, options, progress)

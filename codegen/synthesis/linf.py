@@ -31,7 +31,7 @@ import cvxpy as cp
 import numpy as np
 
 from ..algebra.dwell import ratio, shortest, switching_factor
-from .problem import Candidate, Problem, tidy
+from .problem import Candidate, Problem, slopes, tidy
 
 Array = np.ndarray
 
@@ -57,25 +57,33 @@ class LinfProblem:
         self.mu = cp.Variable()
         self.P = [cp.Variable(n) for _ in range(modes if self.multiple else 1)]
         self.W = [cp.Variable((n, p)) for _ in range(modes)]
+        self.slopes = [[cp.Variable((n, p)) for _ in range(problem.parameters)] for _ in range(modes)]
         self.X = [cp.Variable((n, p)) if problem.tnl else None for _ in range(modes)]
         constraints = [P >= 1 for P in self.P]
         for q in range(modes):
-            constraints += self._mode(q)
+            for corner, A in problem.at(q):
+                constraints += self._corner(q, corner, A)
         if self.multiple:
             constraints += [a <= self.rho * b for a in self.P for b in self.P if a is not b]
         self.cvx = cp.Problem(cp.Minimize(self.mu), constraints)
 
-    def _mode(self, q: int) -> list:
-        A, C = self.problem.A[q], self.problem.C[q]
+    def _corner(self, q: int, corner: Array, A: Array) -> list:
+        C = self.problem.C[q]
         n, W, X = len(A), self.W[q], self.X[q]
+        for value, slope in zip(corner, self.slopes[q]):
+            W = W + value * slope
         P = cp.diag(self.P[q if self.multiple else 0])
         PM = P @ A - W @ C - (X @ (C @ A) if X is not None else 0)
+        signs = [PM >= 0]
+        if self.problem.split:  # the errors follow the magnitudes of M
+            size = cp.Variable((n, n))
+            signs, PM = [size >= PM, size >= -PM], size
         PH = cp.hstack([P, W] + ([X] if X is not None else []))
         k = PH.shape[1]
         block = cp.bmat([[self.shrink * P, np.zeros((n, k)), PM.T],
                          [np.zeros((k, n)), self.mu * np.eye(k), PH.T],
                          [PM, PH, P]])
-        return [PM >= 0, (block + block.T) / 2 >> 1e-7 * np.eye(2 * n + k)]
+        return [*signs, (block + block.T) / 2 >> 1e-7 * np.eye(2 * n + k)]
 
     def solve(self, lam: float, rho: float = 1.0) -> dict | None:
         """Minimise mu at a decay rate and jump factor.
@@ -100,7 +108,8 @@ class LinfProblem:
         P = P / min(1.0, P.min())  # back to P >= I to the last digit
         L = np.array([W.value for W in self.W]) / P[:, :, None]
         N = np.array([X.value for X in self.X]) / P[:, :, None] if self.problem.tnl else np.zeros_like(L)
-        return {"L": np.array([tidy(g) for g in L]), "N": np.array([tidy(g) for g in N]), "P": P,
+        steps = np.array([[W.value / p[:, None] for W in row] for row, p in zip(self.slopes, P)])
+        return {"L_theta": steps.reshape(modes, -1, *L.shape[1:]), "L": np.array([tidy(g) for g in L]), "N": np.array([tidy(g) for g in N]), "P": P,
                 "mu": float(self.mu.value)}
 
 
@@ -173,7 +182,7 @@ def candidate(problem: Problem, kind: str, lam: float, solved: dict, dwell: tupl
     rho = float(np.nextafter(rho, np.inf)) if rho > 1 else 1.0
     proof = {"kind": "linf", "lam": lam, "rho": rho, "P_hi": solved["P"].tolist(), "P_lo": solved["P"].tolist(),
              "dwell_add": dwell[0], "dwell_drain": dwell[1], "chatter": problem.chatter}
-    return Candidate(f"linf, {kind} Lyapunov, lambda {lam:g}", solved["L"], solved["N"], proof)
+    return Candidate(f"linf, {kind} Lyapunov, lambda {lam:g}", solved["L"], solved["N"], proof, slopes(problem, solved))
 
 
 def gamma(lam: float, mu: float, rho: float = 1.0, tau: float = 1.0, chatter: float = 1.0) -> float:

@@ -7,7 +7,9 @@ an LP, the injection of noise through the gains included (which the L-infinity L
     1'|diag(p) Bw - X C Bw| wbar + 1'|W Dv| vbar + 1'|X Dv| vbar <= t,             p >= |C|' 1,   minimise t
 
 With half widths wbar, vbar the width obeys ``p' (x_hi - x_lo) <= 2 t / a`` ultimately, for any switching.
-``a`` multiplies p and is searched. Source: own, after the copositive designs of positive switched systems.
+With measured parameters the gains are affine in theta, and the conditions are asked for at the corners of its box;
+with unknowns the width also grows by |T A_unc| |x| and |T| A_rad |x|, taken over the declared range of x. With ``split``
+the magnitudes of M take the place of M >= 0. ``a`` multiplies p and is searched. Source: own, after the copositive designs of positive switched systems.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from collections.abc import Callable, Iterator
 import cvxpy as cp
 import numpy as np
 
-from .problem import Candidate, Problem, tidy
+from .problem import Candidate, Problem, slopes, tidy
 
 #: Contraction rates tried.
 RATES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97)
@@ -38,26 +40,46 @@ class WidthProblem:
         self.keep = cp.Parameter(nonneg=True)  # 1 - a
         self.p, self.t = cp.Variable(n), cp.Variable()
         self.W = [cp.Variable((n, m)) for _ in range(modes)]
+        self.slopes = [[cp.Variable((n, m)) for _ in range(problem.parameters)] for _ in range(modes)]
         self.X = [cp.Variable((n, m)) if problem.tnl else None for _ in range(modes)]
         floor = np.abs(problem.C).sum(axis=1).max(axis=0)
         # A state that no output sees still needs a positive weight: a thousandth of the largest.
         constraints = [self.p >= np.maximum(floor, 1e-3 * floor.max())]
         for q in range(modes):
-            constraints += self._mode(q)
+            drive = self._drive(q)
+            for corner, A in problem.at(q):
+                constraints += self._corner(q, corner, A, drive)
         self.cvx = cp.Problem(cp.Minimize(self.t), constraints)
 
-    def _mode(self, q: int) -> list:
-        s, W, X, D = self.problem, self.W[q], self.X[q], cp.diag(self.p)
-        A, C, Bw, Dv = s.A[q], s.C[q], s.Bw[q], s.Dv[q]
-        M, drive = D @ A - W @ C, D @ Bw
-        noise = cp.sum(cp.abs(W @ Dv) @ s.v_half) if s.v_half.size else 0
-        if X is not None:
-            M, drive = M - X @ (C @ A), drive - X @ (C @ Bw)
+    def _drive(self, q: int):
+        """Weighted half width that disturbance, noise at k+1 and unknowns add; the same at every corner."""
+        s, X, D = self.problem, self.X[q], cp.diag(self.p)
+        C, Bw = s.C[q], s.Bw[q]
+        T = D if X is None else D - X @ C
+        total = cp.sum(cp.abs(T @ Bw) @ s.w_half[q]) if s.w_half.shape[1] else 0
+        if X is not None and s.v_half.size:
             # v+ belongs to the next mode: the worst Dv of all.
             later = max(range(len(s.names)), key=lambda r: np.abs(s.Dv[r]).sum())
-            noise = noise + (cp.sum(cp.abs(X @ s.Dv[later]) @ s.v_half) if s.v_half.size else 0)
-        width = noise + (cp.sum(cp.abs(drive) @ s.w_half[q]) if s.w_half.shape[1] else 0)
-        return [M >= 0, cp.sum(M, axis=0) <= self.keep * self.p, width <= self.t]
+            total = total + cp.sum(cp.abs(X @ s.Dv[later]) @ s.v_half)
+        if s.x_max is not None:
+            reach = np.diag(s.A_rad[q] @ s.x_max) + s.u_push[q][len(s.A_unc[q]):]
+            total = total + cp.sum(cp.abs(T) @ reach.sum(axis=0))
+            for F, pushed in zip(s.A_unc[q], s.u_push[q]):
+                total = total + cp.sum(cp.abs(T @ F) @ s.x_max) + cp.sum(cp.abs(T) @ pushed)
+        return total
+
+    def _corner(self, q: int, corner: Array, A: Array, drive) -> list:
+        s, X, D = self.problem, self.X[q], cp.diag(self.p)
+        W = self.W[q]
+        for value, slope in zip(corner, self.slopes[q]):
+            W = W + value * slope
+        M = D @ A - W @ s.C[q]
+        if X is not None:
+            M = M - X @ (s.C[q] @ A)
+        noise = cp.sum(cp.abs(W @ s.Dv[q]) @ s.v_half) if s.v_half.size else 0
+        size = cp.abs(M) if s.split else M
+        bounds = [cp.sum(size, axis=0) <= self.keep * self.p, noise + drive <= self.t]
+        return bounds if s.split else [M >= 0, *bounds]
 
     def solve(self, a: float) -> dict | None:
         """Minimise t at a contraction rate; None where there is no solution.
@@ -77,9 +99,11 @@ class WidthProblem:
         if self.t.value is None:
             return None
         p = self.p.value
+        steps = np.array([[W.value / p[:, None] for W in row] for row in self.slopes])
+        steps = steps.reshape(len(self.W), -1, *self.W[0].shape)
         L = np.array([tidy(W.value / p[:, None]) for W in self.W])
         N = np.array([tidy(X.value / p[:, None]) for X in self.X]) if self.problem.tnl else np.zeros_like(L)
-        return {"L": L, "N": N, "p": p, "t": float(self.t.value)}
+        return {"L": L, "N": N, "p": p, "t": float(self.t.value), "L_theta": steps}
 
 
 def candidates(problem: Problem, options: dict, progress: Callable[[str], None]) -> Iterator[Candidate]:
@@ -99,4 +123,4 @@ def candidates(problem: Problem, options: dict, progress: Callable[[str], None])
         if solved is not None:
             # Rounding may eat a little of the contraction: claim slightly less than was asked for.
             proof = {"kind": "width", "p": solved["p"].tolist(), "a": a * (1 - 1e-4)}
-            yield Candidate(f"width, contraction {a:g}", solved["L"], solved["N"], proof)
+            yield Candidate(f"width, contraction {a:g}", solved["L"], solved["N"], proof, slopes(problem, solved))

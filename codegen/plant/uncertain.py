@@ -1,0 +1,113 @@
+"""The plant as the firmware sees it: discrete time, measured parameters, everything else as bounds.
+
+``observed(plant)`` takes a plant with scheduling parameters, or a continuous one, to a discrete-time plant whose
+modes are ``UncertainMode``::
+
+    x+ = (A + sum_j theta_j A_theta[j] + sum_l s_l A_unc[l] + dA) x + (the same with B) u + Bw w
+
+with theta the measured parameters, |s_l| <= 1 unknown and free to change at every sample, and |dA| <= A_rad
+elementwise. A parameter that is not measured is moved to the middle of its bounds and becomes one s_l; the error
+of a measurement becomes another. Keeping s_l apart from the box dA keeps what a parameter does to several
+entries at once together: T A_unc[l] can cancel, |T| A_rad cannot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from .model import Mode, Plant
+
+Array = np.ndarray
+#: Matrices that may depend on theta.
+SCHEDULED = ("A", "B")
+
+
+@dataclass(frozen=True)
+class UncertainMode(Mode):
+    """A discrete-time mode with measured parameters and bounded unknowns.
+
+    Parameters
+    ----------
+    A_theta : ndarray (J, n_x, n_x), B_theta : ndarray (J, n_x, n_u)
+        Slopes in the measured parameters.
+    A_unc : ndarray (S, n_x, n_x), B_unc : ndarray (S, n_x, n_u)
+        Effects of the unknowns s, |s_l| <= 1; one s_l moves both.
+    A_rad : ndarray (n_x, n_x), B_rad : ndarray (n_x, n_u)
+        Elementwise bounds of what remains.
+    theta_lo, theta_hi : ndarray (J,)
+        Bounds of the *measured values* in this mode, error of the measurement included.
+    """
+
+    A_theta: Array = field(default=None)
+    B_theta: Array = field(default=None)
+    A_unc: Array = field(default=None)
+    B_unc: Array = field(default=None)
+    A_rad: Array = field(default=None)
+    B_rad: Array = field(default=None)
+    theta_lo: Array = field(default=None)
+    theta_hi: Array = field(default=None)
+
+
+def is_uncertain(plant: Plant) -> bool:
+    """Whether the plant needs more than constant matrices per mode."""
+    return plant.kind == "continuous" or bool(plant.theta)
+
+
+def observed(plant: Plant) -> Plant:
+    """Return the plant as the firmware sees it; the plant itself where nothing has to change.
+
+    Parameters
+    ----------
+    plant : Plant
+
+    Returns
+    -------
+    Plant
+        Discrete; ``theta`` holds the measured parameters only.
+
+    Raises
+    ------
+    DesignError
+        A matrix other than A and B depends on theta.
+    """
+    if not is_uncertain(plant):
+        return plant
+    if plant.kind == "continuous":
+        from .sampling import sampled
+        return sampled(plant)
+    measured = tuple(s for s in plant.theta if s.measured)
+    return replace(plant, theta=measured, modes=tuple(_parts(plant, mode) for mode in plant.modes))
+
+
+def theta_box(plant: Plant, mode: Mode) -> tuple[Array, Array]:
+    """Bounds of all parameters in a mode (the mode's own where it gives some)."""
+    lo, hi = plant.limits("theta")
+    own = getattr(mode, "theta_bounds", None)
+    return (lo, hi) if own is None else own
+
+
+def _parts(plant: Plant, mode: Mode) -> UncertainMode:
+    """Split the parameters of a discrete mode into measured ones, unknowns and measurement errors."""
+    lo, hi = theta_box(plant, mode)
+    known = np.array([s.measured for s in plant.theta], dtype=bool)
+    error = np.array([s.error for s in plant.theta])
+    middle, radius = (lo + hi) / 2, (hi - lo) / 2
+    changed: dict[str, Array] = {}
+    for name in SCHEDULED:
+        slopes = np.array(mode.theta_terms.get(name, np.zeros((len(lo), *getattr(mode, name).shape))))
+        changed[name] = getattr(mode, name) + np.einsum("j,jab->ab", np.where(known, 0.0, middle), slopes)
+        changed[f"{name}_theta"] = slopes[known]
+        sizes = np.where(known, error, radius)
+        changed[f"{name}_unc"] = (sizes[:, None, None] * slopes)[sizes > 0]
+        changed[f"{name}_rad"] = _slip(changed[name], slopes, middle, radius)
+    box = {"theta_lo": (lo - error)[known], "theta_hi": (hi + error)[known]}
+    plain = {k: getattr(mode, k) for k in ("name", "C", "D", "Bw", "Dv", "Bf", "Df", "w_lo", "w_hi", "v_lo", "v_hi")}
+    return UncertainMode(**plain, **changed, **box)
+
+
+def _slip(base: Array, slopes: Array, middle: Array, radius: Array) -> Array:
+    """Bound on what the float64 arithmetic of ``_parts`` itself may have lost."""
+    size = np.abs(base) + np.einsum("j,jab->ab", np.abs(middle) + radius, np.abs(slopes))
+    return np.where(size > 0, 2.0**-48 * size, 0.0) if len(middle) else np.zeros_like(base)
