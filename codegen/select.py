@@ -87,7 +87,8 @@ def both_sides(c: Candidate, plant: Plant, module) -> dict:
     """The same gains for the upper and the lower framer."""
     gains = {"L_hi": c.L, "L_lo": c.L, "N_hi": c.N, "N_lo": c.N}
     if c.L_theta is not None:
-        gains |= {"L_theta": c.L_theta, "midpoint": midpoint(plant), "split": getattr(module, "SPLIT", False)}
+        gains |= {"L_theta": c.L_theta, "midpoint": midpoint(plant),
+                  "columns": [j for j, s in enumerate(plant.theta) if s.measured], "split": getattr(module, "SPLIT", False)}
     return gains
 
 

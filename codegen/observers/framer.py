@@ -37,6 +37,8 @@ class Variation:
     ----------
     theta_lo, theta_hi : ndarray (N, J)
         What the check of the measured parameters accepts in each mode.
+    columns : tuple of int
+        Which of the plant's parameters are measured, in the order of the firmware's inputs.
     midpoint : bool
         The step takes the mean of theta at both its ends (a sampled plant), else theta at its start.
     M, G, L : ndarray (N, J, n_x, n_x), (N, J, n_x, n_u), (N, J, n_x, n_y)
@@ -51,6 +53,7 @@ class Variation:
 
     theta_lo: Array
     theta_hi: Array
+    columns: tuple[int, ...]
     midpoint: bool
     M: Array
     G: Array
@@ -69,7 +72,11 @@ class Variation:
     def to_dict(self) -> dict:
         """Return plain lists for design.json."""
         return {f.name: value.astype(np.float64).tolist() if isinstance(value := getattr(self, f.name), np.ndarray)
-                else value for f in fields(self)}
+                else list(value) if isinstance(value, tuple) else value for f in fields(self)}
+
+    def read(self, theta: Array) -> Array:
+        """Take the measured columns out of theta (..., n_theta); (..., J) is returned as it is."""
+        return theta[..., list(self.columns)] if theta.shape[-1] > self.parameters else theta
 
     @classmethod
     def from_dict(cls, data: dict, sizes: tuple[int, int, int, int], real: str) -> Variation:
@@ -78,7 +85,7 @@ class Variation:
         J = np.array(data["theta_lo"]).reshape(n, -1).shape[1]
         shapes = {"theta_lo": (n, J), "theta_hi": (n, J), "M": (n, J, x, x), "G": (n, J, x, u), "L": (n, J, x, y),
                   "R": (n, x, x), "S": (n, x, u), "E": (n, x, y), "Ra": (n, x, x), "Sa": (n, x, u)}
-        return cls(midpoint=bool(data["midpoint"]), **{
+        return cls(midpoint=bool(data["midpoint"]), columns=tuple(data["columns"]), **{
             k: np.array(data[k], dtype=np.float64).reshape(s).astype(real) for k, s in shapes.items()})
 
 

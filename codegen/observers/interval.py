@@ -117,8 +117,8 @@ class IntervalObserver:
             A row of y with a NaN in it is a missing measurement (``<p>_predict``).
         q : ndarray (K,) int, optional
             Active mode, default 0.
-        theta : ndarray (K, J), optional
-            Measured parameters; needed where the tables have some.
+        theta : ndarray (K, n_theta), optional
+            Parameters, of which the measured ones are read (or these alone); needed where the tables have some.
         real : {"float32", "float64"}
         x0_lo, x0_hi : ndarray (n_x,), optional
             Another initial box than the plant file's.
@@ -136,7 +136,7 @@ class IntervalObserver:
         """As ``run`` for S runs at once: u (S, K, n_u), y (S, K, n_y), q (S, K), theta (S, K, J) -> Trace of (S, K, ...)."""
         t = self.tables[real]
         u, y, q = np.asarray(u).astype(t.dtype), np.asarray(y).astype(t.dtype), np.asarray(q)
-        theta = np.empty((*q.shape, 0)) if t.vary is None or theta is None else np.asarray(theta)
+        theta = np.empty((*q.shape, 0)) if t.vary is None or theta is None else t.vary.read(np.asarray(theta))
         theta = theta.astype(t.dtype)
         runs, steps = q.shape
         trace = Trace.empty((runs, steps), len(t.box), t.C.shape[1], t.dtype)

@@ -73,7 +73,7 @@ def faults(plant: Plant, scenario: Scenario, record: Record | None) -> Array:
 
 
 def disturbances(
-    plant: Plant, scenario: Scenario, vector: str, lo: Array, hi: Array, rng: np.random.Generator
+    plant: Plant, scenario: Scenario, vector: str, lo: Array, hi: Array, rng: np.random.Generator, pieces: int = 1
 ) -> Array:
     """Return w, v or theta (K, n) as the scenario asks: "uniform", "corner" or expressions.
 
@@ -85,6 +85,8 @@ def disturbances(
     lo, hi : ndarray (K, n)
         Bounds at each sample.
     rng : Generator
+    pieces : int
+        Rows per sample, where the plant is on a finer grid than its samples.
 
     Returns
     -------
@@ -100,10 +102,12 @@ def disturbances(
         return rng.uniform(lo, hi)
     if wish == "corner":
         return _corner(lo, hi, rng)
-    return _within(vector, getattr(plant, vector), _evaluated(plant, scenario, vector, wish), lo, hi)
+    return _within(vector, getattr(plant, vector), _evaluated(plant, scenario, vector, wish, pieces), lo, hi)
 
 
-def scheduling(plant: Plant, scenario: Scenario, rng: np.random.Generator) -> Array:
+def scheduling(
+    plant: Plant, scenario: Scenario, rng: np.random.Generator, q: Array | None = None, pieces: int = 1
+) -> Array:
     """Return theta (K, n_theta) inside its bounds and no faster than its rates.
 
     Parameters
@@ -112,6 +116,10 @@ def scheduling(plant: Plant, scenario: Scenario, rng: np.random.Generator) -> Ar
     scenario : Scenario
     rng : Generator
         numpy random generator.
+    q : ndarray (K,) int, optional
+        Modes, where these have bounds of their own.
+    pieces : int
+        Rows per sample, where the plant is on a finer grid than its samples.
 
     Returns
     -------
@@ -122,9 +130,10 @@ def scheduling(plant: Plant, scenario: Scenario, rng: np.random.Generator) -> Ar
     PlantError
         An expression has no value, leaves the bounds or is faster than the rate.
     """
-    lo, hi = plant.limits("theta")
     shape = (scenario.steps, len(plant.theta))
-    theta = disturbances(plant, scenario, "theta", np.full(shape, lo), np.full(shape, hi), rng)
+    boxes = [mode.theta_bounds or plant.limits("theta") for mode in plant.modes]
+    lo, hi = (np.broadcast_to(np.array([b[i] for b in boxes])[0 if q is None else q], shape) for i in (0, 1))
+    theta = disturbances(plant, scenario, "theta", lo, hi, rng, pieces)
     step = np.array([s.rate * plant.sample_period for s in plant.theta])
     if not isinstance(scenario.theta, str):
         _check_rate(plant, theta, step)
@@ -194,18 +203,18 @@ def _check_rate(plant: Plant, theta: Array, step: Array) -> None:
         )
 
 
-def _evaluated(plant: Plant, scenario: Scenario, vector: str, texts: tuple[str, ...]) -> Array:
+def _evaluated(plant: Plant, scenario: Scenario, vector: str, texts: tuple[str, ...], pieces: int = 1) -> Array:
     k = np.arange(scenario.steps)
     columns = [
-        _values(plant, f"{vector}.{signal.name}", text, k)
+        _values(plant, f"{vector}.{signal.name}", text, k, pieces)
         for signal, text in zip(getattr(plant, vector), texts)
     ]
     return np.stack(columns, axis=1) if columns else np.empty((scenario.steps, 0))
 
 
-def _values(plant: Plant, place: str, text: str, k: Array) -> Array:
+def _values(plant: Plant, place: str, text: str, k: Array, pieces: int = 1) -> Array:
     try:
-        values = sampled(text, plant.constants, k, k * plant.sample_period)
+        values = sampled(text, plant.constants, k / pieces, k * plant.sample_period)
     except ExpressionError as error:
         raise PlantError(f"{place}: {error}.") from None
     if not np.isfinite(values).all():

@@ -1,6 +1,7 @@
 """The true plant, simulated in float64: what the observers are tested against.
 
-x+ = A x + B u + Bw w + Bf f,  y = C x + D u + Dv v + Df f,  with the matrices of mode q[k] at theta[k].
+x+ = A x + B u + Bw w + Bf f,  y = C x + D u + Dv v + Df f,  with the matrices of mode q[k] at theta[k]; of a continuous
+plant x' in place of x+, integrated between the samples (``continuous``), where w and theta move too.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from codegen.errors import PlantError
+from codegen.plant.continuous import PIECES, advance, fine
 from codegen.plant.excitation import disturbances, faults, given_theta, initial_state, inputs, scheduling
 from codegen.plant.messages import unknown
 from codegen.plant.model import Array, Mode, Plant, PlantTrace, Scenario
@@ -27,7 +29,7 @@ def simulate(
     seed : int
         Of the random signals; the same seed gives the same run.
     theta : ndarray (K, n_theta), optional
-        Scheduling parameters in place of the scenario's.
+        Scheduling parameters in place of the scenario's; of a continuous plant linear between its rows.
 
     Returns
     -------
@@ -37,9 +39,7 @@ def simulate(
     Raises
     ------
     PlantError
-        No such scenario; the plant is continuous; an expression has no value or leaves the declared
-        limits; the
-        CSV record is wrong.
+        No such scenario; an expression has no value or leaves the declared limits; the CSV record is wrong.
     """
     chosen = _scenario(plant, scenario)
     place = f"{plant.name}: scenarios.{chosen.name}"
@@ -47,9 +47,10 @@ def simulate(
         record = read_record(chosen.csv, plant.folder) if chosen.csv else None
         if record is not None and record.has(plant.y):
             return _recorded(plant, chosen, record, theta)
+        rng = np.random.default_rng(seed)
         if plant.kind != "discrete":
-            raise PlantError("continuous plants are not simulated yet. State the plant in discrete time.")
-        return _simulated(plant, chosen, record, theta, np.random.default_rng(seed))
+            return _integrated(plant, chosen, record, theta, rng)
+        return _simulated(plant, chosen, record, theta, rng)
     except PlantError as error:
         raise PlantError(f"{place}: {error}") from None
 
@@ -147,7 +148,7 @@ def _simulated(
     q = mode_signal(plant, scenario, record)
     u = inputs(plant, scenario, record)
     f = faults(plant, scenario, record)
-    theta = scheduling(plant, scenario, rng) if theta is None else given_theta(plant, theta, steps)
+    theta = scheduling(plant, scenario, rng, q) if theta is None else given_theta(plant, theta, steps)
     # Bounds of w and v per sample: they may differ by mode.
     limits = {
         name: np.array([getattr(plant.modes[i], name) for i in q])
@@ -162,7 +163,50 @@ def _simulated(
         x[k] = state
         y[k] = m["C"] @ state + m["D"] @ u[k] + m["Dv"] @ v[k] + m["Df"] @ f[k]
         state = m["A"] @ state + m["B"] @ u[k] + m["Bw"] @ w[k] + m["Bf"] @ f[k]
-    return PlantTrace(x=x, u=u, y=y, q=q, theta=theta, w=w, v=v, f=f)
+    return PlantTrace(x=x, u=u, y=y, q=q, theta=reading(plant, scenario, theta, rng), w=w, v=v, f=f)
+
+
+def reading(plant: Plant, scenario: Scenario, theta: Array, rng: np.random.Generator) -> Array:
+    """Return what the firmware reads of theta: the truth with the error of its measurement."""
+    error = np.array([s.error for s in plant.theta])
+    if not np.any(error):
+        return theta
+    sign = rng.uniform(-1.0, 1.0, theta.shape)
+    return theta + error * (np.sign(sign) if scenario.theta == "corner" else sign)
+
+
+def _integrated(
+    plant: Plant, scenario: Scenario, record: Record | None, theta: Array | None, rng: np.random.Generator
+) -> PlantTrace:
+    """Run a continuous plant: mode, fault and (without a rate) input per sample, the rest on a finer grid."""
+    steps, cut = scenario.steps, slice(None, None, PIECES)
+    q, f = mode_signal(plant, scenario, record), faults(plant, scenario, record)
+    dense_plant, dense = fine(plant, scenario)
+    at = np.minimum(np.arange(dense.steps) // PIECES, steps - 1)
+    u = inputs(plant, scenario, record)
+    held = np.array([s.rate == 0 for s in plant.u], dtype=bool)
+    ramps = np.vstack([u, u[-1:]]) if len(plant.u) else np.empty((steps + 1, 0))
+    if theta is None:
+        theta = scheduling(dense_plant, dense, rng, q[at], PIECES)
+    else:
+        grid = np.arange(dense.steps) / PIECES
+        theta = np.column_stack([np.interp(grid, np.arange(steps), c) for c in given_theta(plant, theta, steps).T]
+                                or [np.empty((dense.steps, 0))])
+    limits = {name: np.array([getattr(plant.modes[i], name) for i in q]) for name in ("v_lo", "v_hi")}
+    limits |= {name: np.array([getattr(plant.modes[i], name) for i in q[at]]) for name in ("w_lo", "w_hi")}
+    w = disturbances(dense_plant, dense, "w", limits["w_lo"], limits["w_hi"], rng, PIECES)
+    v = disturbances(plant, scenario, "v", limits["v_lo"], limits["v_hi"], rng)
+    x, y = np.empty((steps, plant.n_x)), np.empty((steps, plant.n_y))
+    state, h = initial_state(plant, scenario, rng), dense_plant.sample_period
+    for k in range(steps):
+        mode = plant.modes[q[k]]
+        x[k] = state
+        y[k] = mode.C @ state + mode.D @ u[k] + mode.Dv @ v[k] + mode.Df @ f[k]
+        for i in range(PIECES):
+            now = k * PIECES + i
+            ends = [np.where(held, u[k], ramps[k] + (i + e) / PIECES * (ramps[k + 1] - ramps[k])) for e in (0, 1)]
+            state = advance(mode, state, h, (theta[now], theta[now + 1]), tuple(ends), w[now], f[k])
+    return PlantTrace(x=x, u=u, y=y, q=q, theta=reading(plant, scenario, theta[:-1][cut], rng), w=w[:-1][cut], v=v, f=f)
 
 
 def _recorded(plant: Plant, scenario: Scenario, record: Record, theta: Array | None) -> PlantTrace:

@@ -151,7 +151,7 @@ def candidates(problem: Problem, options: dict, progress: Callable[[str], None])
     caps = CAPS if problem.tnl and len(problem.f_scale) and options.get("criterion") != "width" else (np.inf,)
     for share in caps:
         progress("width, policy iteration" + (f", |N| at most {share:g} of C^-1" if np.isfinite(share) else ""))
-        cap = None if not np.isfinite(share) else share * np.maximum(np.abs(reach), 1e-9)
+        cap = None if not np.isfinite(share) else np.where(np.abs(reach) > 1e-9, share * np.abs(reach), 1e6)
         solved = iterate(problem, cap)
         if solved is not None:
             label = "width, policy iteration" + (f", N at most {share:g}" if np.isfinite(share) else "")
