@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .cprint import REAL_BYTES, literal
 from .maps import Linear, MapSpec, Names
+from .varying import Varying
 
 Array = np.ndarray
 Member = tuple[str, str, str, tuple[str, ...]]  # C type, name, array size, comment
@@ -23,8 +24,10 @@ class StateLayout:
     has_mode: bool
 
 
-def specs(family: str, t, names: Names, x, y) -> tuple[MapSpec, MapSpec, MapSpec]:
+def specs(family: str, t, names: Names, x, y) -> tuple[MapSpec, MapSpec | Varying, MapSpec | Varying]:
     """State the three maps of a family: residual bounds, framers forward, framers blind.
+
+    The last two are ``Varying`` where the tables have parameters or radii.
 
     Parameters
     ----------
@@ -35,7 +38,7 @@ def specs(family: str, t, names: Names, x, y) -> tuple[MapSpec, MapSpec, MapSpec
 
     Returns
     -------
-    residual, forward, blind : MapSpec
+    residual, forward, blind : MapSpec or Varying
     """
     p, m = names.prefix, names.macro
     states, outputs = (tuple(f"{v}[{c.index}] {c.name}" for c in cs) for v, cs in (("x", x), ("y", y)))
@@ -73,7 +76,30 @@ def specs(family: str, t, names: Names, x, y) -> tuple[MapSpec, MapSpec, MapSpec
                     common=_inputs(names, ("B", t.B, t.B, u, "NU")), shared=True,
                     offset=Linear("a", t.a_lo, t.a_hi), state=Linear("A", t.A, t.A, read, f"{m}_NX"),
                     by_sign=True, tail=cut, **blind_own, **to)
-    return residual, forward, blind
+    return (residual, forward, blind) if t.vary is None else (residual, *_varying(family, t, forward, blind, u))
+
+
+def _varying(family: str, t, forward: MapSpec, blind: MapSpec, inputs: str) -> tuple[Varying, Varying]:
+    """Add parameters and radii to the maps that move the framers."""
+    vary, half = t.vary, literal(0.5, t.real)
+    kept = "in->theta" if family == "interval" else "s->theta"
+    theta = tuple(f"{half} * (s->theta[{j}] + in->theta[{j}])" if vary.midpoint else f"{kept}[{j}]"
+                  for j in range(vary.parameters))
+    wide = "R max(-x_lo, x_hi) + S |u|"
+    noise = " + |L| E" if np.any(vary.E) else ""
+    of = "(theta)" if vary.parameters else ""
+    terms = f"G{of} u + L{of} y + " + ("N y+ + " if family == "tnl" else "")
+    more = " M takes the opposite bound of x where it is negative." if t.signed else ""
+    heading = (f"x_hi+ = M{of} x_hi + {terms}d_hi + radius,  radius = {wide}{noise}",
+               f"x_lo+ = M{of} x_lo + {terms}d_lo - radius, both cut to the range of x.{more}")
+    middle = ("theta: mean of both ends of the step",) if vary.midpoint else ()
+    forward = replace(forward, equation=(*heading, *middle))
+    blind = replace(blind, equation=("x_hi+ = pos(A) x_hi - neg(A) x_lo + B u + a_hi + radius,  radius = "
+                                     "R max(-x_lo, x_hi) + S |u|",
+                                     "x_lo+ = pos(A) x_lo - neg(A) x_hi + B u + a_lo - radius, both cut to the range of "
+                                     "x, for every theta within its bounds"))
+    return (Varying(forward, theta, {"M": vary.M, "G": vary.G, "L": vary.L}, t.flipped, vary.R, vary.S, vary.E, inputs),
+            Varying(blind, (), {}, None, vary.Ra, vary.Sa, np.zeros_like(vary.E[:, :, :0]), inputs))
 
 
 def _inputs(names: Names, *parts) -> tuple[Linear, ...]:
@@ -88,19 +114,21 @@ def _forward_equation(family: str, clamp: bool) -> tuple[str, ...]:
     return (f"x_hi+ = M x_hi + {terms}d_hi", f"x_lo+ = M x_lo + {terms}d_lo{cut[0]}")
 
 
-def state_fields(family: str, names: Names, s, n_bits: int, sizes: tuple[int, int, int]) -> StateLayout:
+def state_fields(family: str, names: Names, s, n_bits: int, sizes: tuple[int, int, int, int]) -> StateLayout:
     """Lay out the state: numbers first, then 32-bit words, so that no compiler pads it.
 
-    ``s`` is the Supervision, ``sizes`` are n_x, n_u and n_y.
+    ``s`` is the Supervision, ``sizes`` are n_x, n_u, n_y and the number of measured parameters.
     """
-    m, real, (n_x, n_u, n_y) = names.macro, names.real_type, sizes
+    m, real, (n_x, n_u, n_y, n_theta) = names.macro, names.real_type, sizes
     numbers: list[Member] = [
         (real, "x_lo", f"[{m}_NX]", ("lower bounds of x; unit and order of x",)),
         (real, "x_hi", f"[{m}_NX]", ("upper bounds of x",))]
     if family == "tnl":
         numbers += [(real, "u", f"[{m}_NU]", ("inputs of the last sample",))] * bool(n_u)
         numbers.append((real, "y", f"[{m}_NY]", ("measurements of the last measured sample",)))
-    kept = [f"s->{v}[{i}]" for v, n in (("u", n_u), ("y", n_y)) for i in range(n)] if family == "tnl" else []
+        numbers += [(real, "theta", f"[{m}_NTHETA]", ("parameters of the last measured sample",))] * bool(n_theta)
+    vectors = (("u", n_u), ("y", n_y), ("theta", n_theta)) if family == "tnl" else ()
+    kept = [f"s->{v}[{i}]" for v, n in vectors for i in range(n)]
     words: list[tuple[str, str, str]] = []  # name, value after init, comment
     has_mode = s.monitors_dwell or (family == "tnl" and len(names.modes) > 1)
     if has_mode:
@@ -132,12 +160,13 @@ def state_fields(family: str, names: Names, s, n_bits: int, sizes: tuple[int, in
     return StateLayout(tuple(members), size, tuple(clear), has_mode)
 
 
-def in_fields(names: Names, n_u: int, n_y: int) -> tuple[Member, ...]:
+def in_fields(names: Names, n_u: int, n_theta: int) -> tuple[Member, ...]:
     """Members of the input struct."""
     m, real = names.macro, names.real_type
     inputs = ((real, "u", f"[{m}_NU]", ("inputs that act from this sample to the next",)),)
     spare = (("uint32_t", "spare", "", ("not read: fills the struct to a multiple of 8 bytes",)),)
-    return (*(inputs if n_u else ()), (real, "y", f"[{m}_NY]", ("measurements of this sample",)),
+    parameters = ((real, "theta", f"[{m}_NTHETA]", ("parameters as measured at this sample",)),) * bool(n_theta)
+    return (*(inputs if n_u else ()), (real, "y", f"[{m}_NY]", ("measurements of this sample",)), *parameters,
             ("uint32_t", "mode", "", ("mode that acts from this sample to the next",)),
             *(spare if names.real == "float64" else ()))
 

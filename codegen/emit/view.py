@@ -12,10 +12,11 @@ import numpy as np
 
 from ..errors import EmitError
 from . import families, manual
-from .cprint import C_TYPE, check_prefix, comment, literal, macro_names
+from .cprint import C_TYPE, check_prefix, comment, initialiser, literal, macro_names
 from .layouts import LAYOUTS, lay_out
 from .manual import Bit, Channel, Manual
 from .maps import MapView, Names, Table
+from .varying import Varying, lay_out_varying
 
 Array = np.ndarray
 
@@ -32,7 +33,7 @@ class Field:
 
 @dataclass(frozen=True)
 class RangeCheck:
-    """A function that accepts a vector within its ranges: one expression, or tables and a loop."""
+    """A function that accepts a vector within its ranges: one expression (over tables by mode), or tables and a loop."""
 
     name: str
     vector: str
@@ -40,6 +41,7 @@ class RangeCheck:
     expressions: tuple[tuple[str, ...], ...]
     tables: tuple[Table, ...]
     counts: tuple[str, ...]
+    by_mode: tuple[Table, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ class Operations:
 
 @dataclass(frozen=True)
 class DesignView:
-    """Everything the C of one design needs. ``x``, ``u``, ``y``, ``modes``, ``bits`` are its channels."""
+    """Everything the C of one design needs. ``x``, ``u``, ``y``, ``theta``, ``modes``, ``bits`` are its channels."""
 
     prefix: str
     macro: str
@@ -104,7 +106,9 @@ class DesignView:
     x: tuple[Channel, ...]
     u: tuple[Channel, ...]
     y: tuple[Channel, ...]
+    theta: tuple[Channel, ...]
     input_groups: tuple[tuple[Channel, ...], ...]
+    parameter_groups: tuple[tuple[Channel, ...], ...]
     modes: tuple[Channel, ...]
     bits: tuple[Bit, ...]
     in_fields: tuple[Field, ...]
@@ -115,6 +119,7 @@ class DesignView:
     maps: tuple[MapView, ...]
     checks: tuple[RangeCheck, ...]
     check_input: tuple[str, ...]
+    check_parameters: tuple[str, ...]
     cut: Cut
     start: tuple[str, ...]
     whole_range: tuple[str, ...]
@@ -129,6 +134,8 @@ class DesignView:
     remember: tuple[str, ...]
     assured: str
     assured_blind: str
+    last_status: str
+    last_refusal: str
 
 
 def build(design, real: str | None = None, layout: str | None = None, version: str = "") -> DesignView:
@@ -164,14 +171,16 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
                   tuple(f"{target.prefix.upper()}_MODE_{n}" for n in macro_names(m.name for m in plant.modes)))
     x = manual.channels(plant.x, t.x_lo, t.x_hi, real, "x")
     u = manual.channels(plant.u, t.u_lo, t.u_hi, real, "u")
+    theta = parameters(plant, t, real)
     y = manual.channels(plant.y, t.y_lo, t.y_hi, real, "y")
     bits = manual.bits(y, t.shared)
     _check_words(s, len(bits))
     specs = families.specs(design.observer.family, t, names, x, y)
-    views = tuple(lay_out(spec, layout) for spec in specs)
+    views = tuple((lay_out_varying if isinstance(spec, Varying) else lay_out)(spec, layout) for spec in specs)
     checks = tuple(_range_check(names, vector, lo, hi, layout)
                    for vector, lo, hi in (("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi)) if len(lo))
-    fields = families.state_fields(design.observer.family, names, s, len(bits), (len(x), len(u), len(y)))
+    checks += (_parameter_check(names, t.vary.theta_lo, t.vary.theta_hi),) if theta else ()
+    fields = families.state_fields(design.observer.family, names, s, len(bits), (len(x), len(u), len(y), len(theta)))
     state = tuple(Field(*f) for f in fields.members)
     operations = _operations(design.observer.family, views, t, len(u), len(y))
     text = Manual(manual.banner(design, target.prefix, real, layout, version), manual.about(plant),
@@ -184,12 +193,13 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         prefix=names.prefix, macro=names.macro, real=real, c_type=C_TYPE[real], layout=layout,
         family=design.observer.family, version=version, zero=literal(0.0, real),
         guards=Guards(*(("FLT_MANT_DIG", 24) if real == "float32" else ("DBL_MANT_DIG", 53))), manual=text,
-        initial_box=manual.initial_box(x, t, real), x=x, u=u, y=y,
-        input_groups=(u,) if u else (), modes=modes, bits=bits,
-        in_fields=tuple(Field(*f) for f in families.in_fields(names, len(u), len(y))),
+        initial_box=manual.initial_box(x, t, real), x=x, u=u, y=y, theta=theta,
+        input_groups=(u,) if u else (), parameter_groups=(theta,) if theta else (), modes=modes, bits=bits,
+        in_fields=tuple(Field(*f) for f in families.in_fields(names, len(u), len(theta))),
         out_fields=tuple(Field(*f) for f in families.out_fields(names)), state_fields=state,
         state_bytes=fields.size, operations=operations, maps=views, checks=checks,
-        check_input=tuple(c.name for c in checks if c.vector == "u"), cut=_cut(names, t, layout),
+        check_input=tuple(c.name for c in checks if c.vector == "u"),
+        check_parameters=tuple(c.name for c in checks if c.vector == "theta"), cut=_cut(names, t, layout),
         start=_assign("s->x_lo", t.x0_lo, real) + _assign("s->x_hi", t.x0_hi, real),
         whole_range=_assign("s->x_lo", t.x_lo, real) + _assign("s->x_hi", t.x_hi, real), clear=fields.clear,
         crossed=() if t.shared else (bits[-1].macro,), windows=_windows(s, names.prefix),
@@ -197,7 +207,9 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         recover=max(s.recover, 1), hold=(f"{s.hold}U",) if s.counts_hold else (),
         dwell=(Dwell(f"{s.dwell_add}U", f"{s.dwell_drain}U", f"{s.dwell_limit}U"),) if s.monitors_dwell else (),
         remember=("s->mode = in->mode;",) if fields.has_mode else (),
-        assured=_truth(["(!fault)", *quiet]), assured_blind=_truth(quiet))
+        assured=_truth(["(!fault)", *quiet]), assured_blind=_truth(quiet),
+        last_status=f"{names.macro}_BAD_{'PARAMETER' if theta else 'OUTPUT'}",
+        last_refusal=f"{names.macro}_BAD_{'PARAMETER' if theta else 'INPUT'}")
 
 
 def _truth(conditions: list[str]) -> str:
@@ -240,6 +252,29 @@ def _range_check(names: Names, vector: str, lo: Array, hi: Array, layout: str) -
     lines = tuple(f"(in->{vector}[{i}] >= {literal(a, names.real)}) && (in->{vector}[{i}] <= {literal(b, names.real)})"
                   for i, (a, b) in enumerate(zip(lo, hi)))
     return RangeCheck(name, vector, what, (lines,), (), ())
+
+
+def parameters(plant, t, real: str) -> tuple[Channel, ...]:
+    """Describe the measured parameters, with the hull of their bounds over the modes."""
+    if t.vary is None:
+        return ()
+    signals = [s for s in plant.theta if s.measured]
+    return manual.channels(signals, t.vary.theta_lo.min(axis=0), t.vary.theta_hi.max(axis=0), real, "theta")
+
+
+def _parameter_check(names: Names, lo: Array, hi: Array) -> RangeCheck:
+    """Accept the parameters within the bounds of the mode in in->mode."""
+    what, name = "The parameters are numbers within their bounds in this mode.", f"{names.prefix}_theta_accepted"
+    if np.all(lo == lo[0]) and np.all(hi == hi[0]):
+        lines = tuple(f"(in->theta[{j}] >= {literal(a, names.real)}) && (in->theta[{j}] <= {literal(b, names.real)})"
+                      for j, (a, b) in enumerate(zip(lo[0], hi[0])))
+        return RangeCheck(name, "theta", what, (lines,), (), (), ())
+    size = f"[{names.macro}_MODES][{names.macro}_NTHETA]"
+    tables = tuple(Table(label, size, (), tuple(f"{initialiser(row, names.real)}," for row in values))
+                   for label, values in (("least", lo), ("most", hi)))
+    lines = tuple(f"(in->theta[{j}] >= least[in->mode][{j}]) && (in->theta[{j}] <= most[in->mode][{j}])"
+                  for j in range(lo.shape[1]))
+    return RangeCheck(name, "theta", what, (lines,), (), (), tables)
 
 
 def _cut(names: Names, t, layout: str) -> Cut:
