@@ -151,7 +151,7 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
             continue
         progress(f'scenario "{scenario.name}"')
         truth = simulate(plant, scenario, seed=seed)
-        trace = driver.run(u=truth.u, y=truth.y, q=truth.q)
-        reference = design.observer.run(u=truth.u, y=truth.y, q=truth.q, real=driver.real)
+        trace = driver.run(u=truth.u, y=truth.y, q=truth.q, theta=truth.theta)
+        reference = design.observer.run(u=truth.u, y=truth.y, q=truth.q, theta=truth.theta, real=driver.real)
         out.append(judge(plant, scenario, truth, trace, trace.differs(reference)))
     return out

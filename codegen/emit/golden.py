@@ -26,11 +26,11 @@ FAULTS, MISSING, RESETS = (4, 5, 13), (9, 30, 31), (24,)
 class Vector:
     """One sample: inputs, what is called, and what the reference answered; all printed.
 
-    ``inputs`` holds one initialiser or none; ``call`` is 0 for predict, 1 for step, 2 for reset and then step.
+    ``inputs`` holds one initialiser or none, ``read`` those of y and, where there are some, of theta; ``call`` is 0 for predict, 1 for step, 2 for reset and then step.
     """
 
     inputs: tuple[str, ...]
-    y: str
+    read: tuple[str, ...]
     mode: int
     call: int
     x_lo: str
@@ -58,8 +58,8 @@ def is_missing(k: int, n_modes: int) -> bool:
     return k in MISSING or (k >= tail_of(n_modes) and (k - tail_of(n_modes)) % 3 == 1)
 
 
-def stimulus(observer, t) -> tuple[Array, Array, Array]:
-    """Return u (K, n_u), y (K, n_y) and q (K,); ``random.Random`` draws the same numbers everywhere."""
+def stimulus(observer, t) -> tuple[Array, Array, Array, Array]:
+    """Return u (K, n_u), y (K, n_y), q (K,) and theta (K, J); ``random.Random`` draws the same numbers everywhere."""
     draw, n_modes = Random(1), t.A.shape[0]
 
     def between(lo, hi):
@@ -68,30 +68,34 @@ def stimulus(observer, t) -> tuple[Array, Array, Array]:
 
     steps, tail = steps_of(n_modes), tail_of(n_modes)
     u, y, q = np.zeros((steps, len(t.u_lo)), t.dtype), np.zeros((steps, len(t.y_lo)), t.dtype), np.zeros(steps, int)
+    theta = np.zeros((steps, 0 if t.vary is None else t.vary.parameters), t.dtype)
     observer = copy(observer)
     observer.start(t, 1)
     for k in range(steps):
         q[k] = k // 2 if k < 2 * n_modes else draw.randrange(n_modes) if k < tail - 28 or k % 6 == 0 else q[k - 1]
         q[k] = (k - tail) // 3 if k >= tail else q[k]
         u[k] = between(t.u_lo, t.u_hi)
+        if theta.shape[1]:
+            theta[k] = between(t.vary.theta_lo[q[k]], t.vary.theta_hi[q[k]])
         if k in RESETS:
             observer.reset(t, np.array([True]))
-        y[k] = _within_bounds(observer, t, u[k], q[k], between(t.y_lo, t.y_hi))
+        y[k] = _within_bounds(observer, t, u[k], q[k], theta[k], between(t.y_lo, t.y_hi))
         if k in FAULTS:
             y[k] = np.where([draw.random() < 0.5 for _ in y[k]], t.y_lo, t.y_hi)
-        _sample(observer, t, u[k], y[k], q[k], not is_missing(k, n_modes))
+        _sample(observer, t, u[k], y[k], q[k], theta[k], not is_missing(k, n_modes))
         y[k] = np.nan if is_missing(k, n_modes) else y[k]
-    return u, y, q
+    return u, y, q, theta
 
 
-def _sample(observer, t, u: Array, y: Array, q: int, measured: bool) -> Trace:
+def _sample(observer, t, u: Array, y: Array, q: int, theta: Array, measured: bool) -> Trace:
     """Step the reference by one sample."""
     out = Trace.empty((1,), len(t.box), len(y), t.dtype)
-    observer.sample(t, np.array([True]), np.array([measured]), u[None], y[None], np.array([q]), out)
+    observer.sample(t, np.array([True]), np.array([measured]), u[None], y[None], np.array([q]), theta[None],
+                    out)
     return out
 
 
-def _within_bounds(observer, t, u: Array, q: int, y: Array) -> Array:
+def _within_bounds(observer, t, u: Array, q: int, theta: Array, y: Array) -> Array:
     """Return a measurement a little off the middle of its bounds; trials on copies find it.
 
     Framers that use the measurement of the same sample (N y+) move with it: the residual is affine in y, with a
@@ -100,7 +104,7 @@ def _within_bounds(observer, t, u: Array, q: int, y: Array) -> Array:
     def offset(y: Array) -> Array:
         trial = copy(observer)
         trial.guard = copy(observer.guard)  # its arrays are replaced at each sample, never written to
-        out = _sample(trial, t, u, y, q, True)
+        out = _sample(trial, t, u, y, q, theta, True)
         return (0.45 * out.r_lo[0] + 0.55 * out.r_hi[0]).astype(float)
 
     here = offset(y)
@@ -134,12 +138,13 @@ def vectors(design, real: str) -> tuple[Vector, ...]:
     -------
     vectors : tuple of Vector
     """
-    u, y, q = stimulus(design.observer, design.observer.tables[real])
+    u, y, q, theta = stimulus(design.observer, design.observer.tables[real])
     measured = ~np.isnan(y).any(axis=1)
     y = np.where(measured[:, None], y, 0).astype(y.dtype)
-    trace = _answers(copy(design.observer), design.observer.tables[real], u, y, q, measured)
+    trace = _answers(copy(design.observer), design.observer.tables[real], u, y, q, theta, measured)
     r_lo, r_hi = (np.where(measured[:, None], a, 0).astype(y.dtype) for a in (trace.r_lo, trace.r_hi))
-    return tuple(Vector((initialiser(u[k], real),) if u.shape[1] else (), initialiser(y[k], real), int(q[k]),
+    return tuple(Vector((initialiser(u[k], real),) if u.shape[1] else (),
+                        (initialiser(y[k], real), *((initialiser(theta[k], real),) if theta.shape[1] else ())), int(q[k]),
                         2 if k in RESETS else int(measured[k]),
                         initialiser(trace.x_lo[k], real), initialiser(trace.x_hi[k], real),
                         initialiser(r_lo[k], real), initialiser(r_hi[k], real), int(trace.raw_bits[k]),
@@ -147,14 +152,14 @@ def vectors(design, real: str) -> tuple[Vector, ...]:
                  for k in range(len(q)))
 
 
-def _answers(observer, t, u: Array, y: Array, q: Array, measured: Array) -> Trace:
+def _answers(observer, t, u: Array, y: Array, q: Array, theta: Array, measured: Array) -> Trace:
     """Run the reference over the samples, with its resets."""
     trace = Trace.empty((len(q),), len(t.box), y.shape[1], t.dtype)
     observer.start(t, 1)
     for k in range(len(q)):
         if k in RESETS:
             observer.reset(t, np.array([True]))
-        sample = _sample(observer, t, u[k], y[k], q[k], measured[k])
+        sample = _sample(observer, t, u[k], y[k], q[k], theta[k], measured[k])
         for name in trace.__dataclass_fields__:
             getattr(trace, name)[k] = getattr(sample, name)[0]
     return trace
@@ -180,4 +185,9 @@ def refusals(t, macro: str) -> tuple[Refusal, ...]:
             out.append(Refusal(f"in.{vector}[{i}] = {literal(float(beyond[i]), t.real)};",
                                f"in.{vector}[{i}] = vectors[0].{vector}[{i}];",
                                "BAD_INPUT" if vector == "u" else "BAD_OUTPUT", predict, code))
+    for hi in () if t.vary is None or not t.vary.parameters else (t.vary.theta_hi.max(axis=0),):
+        above = np.nextafter(hi[-1], np.array(np.inf, dtype=t.dtype))
+        out.append(Refusal(f"in.theta[{len(hi) - 1}] = {literal(float(above), t.real)};",
+                           f"in.theta[{len(hi) - 1}] = vectors[0].theta[{len(hi) - 1}];", "BAD_PARAMETER",
+                           "BAD_PARAMETER", 1004))
     return tuple(out)

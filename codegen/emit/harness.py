@@ -55,6 +55,7 @@ class HarnessView:
     good: tuple[Number, ...]
     beyond_u: tuple[Number, ...]
     beyond_y: tuple[Number, ...]
+    beyond_theta: tuple[Number, ...]
 
 
 def harness(design, d: DesignView) -> HarnessView:
@@ -71,6 +72,8 @@ def harness(design, d: DesignView) -> HarnessView:
     """
     t, s = design.observer.tables[d.real], design.observer.supervision
     vectors = (("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi))
+    if d.theta:
+        vectors = (*vectors, ("theta", t.vary.theta_lo.min(axis=0), t.vary.theta_hi.max(axis=0)))
     # Zero is what init and reset store as u and y, until the first sample.
     numbers = {"x_lo": (-t.box, t.box), "x_hi": (-t.box, t.box),
                **{name: (np.minimum(lo, 0), np.maximum(hi, 0)) for name, lo, hi in vectors}}
@@ -89,7 +92,8 @@ def harness(design, d: DesignView) -> HarnessView:
         parted=tuple(Parted(name, f"{words[name] + 1}U") for name in apart), answers=_places(d, d.out_fields),
         wide=tuple(n for v, lo, hi in vectors for n in _numbers(v, -_reach(lo, hi), _reach(lo, hi), d.real)),
         good=tuple(n for v, lo, hi in vectors for n in _numbers(v, lo, hi, d.real)),
-        beyond_u=_beyond("u", t.u_lo, t.u_hi, d.real), beyond_y=_beyond("y", t.y_lo, t.y_hi, d.real))
+        beyond_u=_beyond("u", t.u_lo, t.u_hi, d.real), beyond_y=_beyond("y", t.y_lo, t.y_hi, d.real),
+        beyond_theta=_beyond(*vectors[2], d.real) if d.theta else ())
 
 
 def _words(value: int, size: str, bits: int) -> str:
@@ -99,7 +103,8 @@ def _words(value: int, size: str, bits: int) -> str:
 
 def _places(d: DesignView, fields) -> tuple[str, ...]:
     """List every element of some members of a struct."""
-    counts = {f"[{d.macro}_{name}]": len(of) for name, of in (("NX", d.x), ("NU", d.u), ("NY", d.y), ("BITS", d.bits))}
+    counts = {f"[{d.macro}_{name}]": len(of) for name, of in (("NX", d.x), ("NU", d.u), ("NY", d.y),
+                                                         ("NTHETA", d.theta), ("BITS", d.bits))}
     return tuple(place for f in fields for place in
                  ([f"{f.name}[{i}]" for i in range(counts[f.size])] if f.size else [f.name]))
 

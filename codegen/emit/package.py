@@ -67,18 +67,21 @@ def resources(d: DesignView, design) -> dict:
     t, s = design.observer.tables[d.real], design.observer.supervision
     ranges = {name: getattr(t, name).astype(float).tolist()
               for name in ("x_lo", "x_hi", "x0_lo", "x0_hi", "u_lo", "u_hi", "y_lo", "y_hi")}
+    theta = {} if not d.theta else {name: getattr(t.vary, name).astype(float).tolist()
+                                    for name in ("theta_lo", "theta_hi")}
     return {"generator": f"residua {d.version}", "prefix": d.prefix, "macro": d.macro, "real": d.real,
             "layout": d.layout, "family": d.family, "certificate": design.digest,
-            "n_x": len(d.x), "n_u": len(d.u), "n_y": len(d.y), "n_modes": len(d.modes), "n_bits": len(d.bits),
+            "n_x": len(d.x), "n_u": len(d.u), "n_y": len(d.y), "n_theta": len(d.theta),
+            "theta_columns": list(t.vary.columns) if d.theta else [], "n_modes": len(d.modes), "n_bits": len(d.bits),
             **{name: _members(d, fields) for name, fields in
                (("in", d.in_fields), ("out", d.out_fields), ("state", d.state_fields))},
             "state_bytes": d.state_bytes,
-            "operations_per_step": asdict(d.operations), "supervision": s.to_dict(), "ranges": ranges}
+            "operations_per_step": asdict(d.operations), "supervision": s.to_dict(), "ranges": ranges | theta}
 
 
 def _members(d: DesignView, fields) -> list[list]:
     """Describe a struct as [name, "real" or "uint32", number of elements]."""
-    sizes = {"NX": d.x, "NU": d.u, "NY": d.y, "BITS": d.bits}
+    sizes = {"NX": d.x, "NU": d.u, "NY": d.y, "NTHETA": d.theta, "BITS": d.bits}
     counts = {f"[{d.macro}_{name}]": len(channels) for name, channels in sizes.items()} | {"": 1}
     return [[f.name, "uint32" if f.type == "uint32_t" else "real", counts[f.size]] for f in fields]
 

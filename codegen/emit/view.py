@@ -134,6 +134,7 @@ class DesignView:
     remember: tuple[str, ...]
     assured: str
     assured_blind: str
+    last_items: tuple[str, ...]
     last_status: str
     last_refusal: str
 
@@ -208,8 +209,17 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         dwell=(Dwell(f"{s.dwell_add}U", f"{s.dwell_drain}U", f"{s.dwell_limit}U"),) if s.monitors_dwell else (),
         remember=("s->mode = in->mode;",) if fields.has_mode else (),
         assured=_truth(["(!fault)", *quiet]), assured_blind=_truth(quiet),
-        last_status=f"{names.macro}_BAD_{'PARAMETER' if theta else 'OUTPUT'}",
+        last_items=_last_items(names, bool(theta)), last_status=f"{names.macro}_BAD_{'PARAMETER' if theta else 'OUTPUT'}",
         last_refusal=f"{names.macro}_BAD_{'PARAMETER' if theta else 'INPUT'}")
+
+
+def _last_items(names: Names, parameters: bool) -> tuple[str, ...]:
+    """Print the end of the status enumeration."""
+    if not parameters:
+        return (f"{names.macro}_BAD_OUTPUT = 3",)
+    return (f"{names.macro}_BAD_OUTPUT = 3,",
+            f"/* A parameter is NaN or beyond its bounds in this mode: call {names.prefix}_reset. */",
+            f"{names.macro}_BAD_PARAMETER = 4")
 
 
 def _truth(conditions: list[str]) -> str:

@@ -24,12 +24,13 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
 
 @dataclass(frozen=True)
 class HostView:
-    """What the batch glue's template prints; ``inputs`` holds the macro of n_u, or nothing without inputs."""
+    """What the batch glue's template prints; ``inputs`` holds the macro of n_u, or nothing without; so ``parameters``."""
 
     prefix: str
     macro: str
     c_type: str
     inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
 
 
 def build(folder: str | Path) -> Driver:
@@ -55,7 +56,8 @@ def build(folder: str | Path) -> Driver:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ToolError(f"{folder / 'resources.json'}: cannot be read ({type(error).__name__}: {error}). "
                         "Make the folder with residua generate.") from error
-    view = HostView(prefix, macro, c_type, (f"{macro}_NU",) if record["n_u"] else ())
+    view = HostView(prefix, macro, c_type, (f"{macro}_NU",) if record["n_u"] else (),
+                    (f"{macro}_NTHETA",) if record["n_theta"] else ())
     ffi = cffi.FFI()
     ffi.cdef(declarations(record))
     with tempfile.TemporaryDirectory(prefix="residua-") as scratch:
@@ -87,7 +89,7 @@ def declarations(record: dict) -> str:
                           for name, kind, count in record[struct])
         structs += f"typedef struct {{{members} }} {p}_{struct};\n"
     step = f"({p}_state *s, const {p}_in *in, {p}_out *out);\n"
-    arrays = (("const " + real, "u y"), ("const uint32_t", "q"), ("const " + real, "x0_lo x0_hi"),
+    arrays = (("const " + real, "u y theta"), ("const uint32_t", "q"), ("const " + real, "x0_lo x0_hi"),
               (real, "x_lo x_hi r_lo r_hi"), ("unsigned char", "any_alarm"), ("uint32_t", "alarm latched raw"),
               ("unsigned char", "assured"), ("int64_t", "status"))
     arguments = ", ".join(f"{kind} *{name}" for kind, names in arrays for name in names.split())
@@ -96,4 +98,4 @@ def declarations(record: dict) -> str:
             f"void residua_run(size_t runs, size_t steps, {arguments});\n")
 
 
-VECTORS = frozenset({"x_lo", "x_hi", "r_lo", "r_hi", "u", "y", "history"})
+VECTORS = frozenset({"x_lo", "x_hi", "r_lo", "r_hi", "u", "y", "theta", "history"})

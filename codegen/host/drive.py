@@ -49,8 +49,8 @@ class Driver:
             A row of y with a NaN in it is a missing measurement.
         q : ndarray (K,) int, optional
             Active mode, default 0.
-        theta : ignored
-            The interval families have no scheduling parameter.
+        theta : ndarray (K, n_theta), optional
+            The plant's parameters, of which the firmware reads the measured ones (or these alone).
         x0_lo, x0_hi : ndarray (n_x,), optional
             Another initial box than the plant file's; rounded outward.
         copy : bool
@@ -68,9 +68,10 @@ class Driver:
         y = np.asarray(y)
         u = np.zeros((len(y), 0), self.real) if u is None else np.asarray(u)
         q = np.zeros(len(y), dtype=np.uint32) if q is None else np.asarray(q)
-        return self.run_many(u[None], y[None], q[None], x0_lo, x0_hi, copy).row(0)
+        theta = None if theta is None else np.asarray(theta)[None]
+        return self.run_many(u[None], y[None], q[None], x0_lo, x0_hi, copy, theta).row(0)
 
-    def run_many(self, u, y, q, x0_lo=None, x0_hi=None, copy: bool = True) -> Trace:
+    def run_many(self, u, y, q, x0_lo=None, x0_hi=None, copy: bool = True, theta=None) -> Trace:
         """Run S observers over K samples each, e.g. many seeds or many scenarios.
 
         Parameters
@@ -79,6 +80,7 @@ class Driver:
         x0_lo, x0_hi : ndarray (n_x,) or (S, n_x), optional
         copy : bool
             As for ``run``.
+        theta : ndarray (S, K, n_theta), optional
 
         Returns
         -------
@@ -97,18 +99,30 @@ class Driver:
         runs, steps = q.shape
         u = array("u", u, (runs, steps, n_u), dtype, copy)
         y = array("y", y, (runs, steps, n_y), dtype, copy)
+        theta = array("theta", self._measured(theta, runs, steps), (runs, steps, self.record["n_theta"]), dtype, copy)
         if copy and q.dtype != np.uint32:
             q = np.where((q < 0) | (q > NO_MODE), NO_MODE, q)
         q = array("q", q, (runs, steps), np.dtype(np.uint32), copy)
         boxes = [None if x0 is None else np.ascontiguousarray(np.broadcast_to(outward(x0, dtype, side), (runs, n_x)))
                  for x0, side in ((x0_lo, -np.inf), (x0_hi, np.inf))]
         trace = Trace.empty((runs, steps), n_x, n_y, dtype)
-        reads = [self._pointer(a) for a in (u, y, q, *boxes)]
+        reads = [self._pointer(a) for a in (u, y, theta, q, *boxes)]
         writes = [self._pointer(a, write=True) for a in (
             trace.x_lo, trace.x_hi, trace.r_lo, trace.r_hi, trace.alarm, trace.alarm_bits, trace.latched_bits,
             trace.raw_bits, trace.assured, trace.status)]
         self.lib.residua_run(runs, steps, *reads, *writes)
         return trace
+
+    def _measured(self, theta, runs: int, steps: int) -> Array:
+        """Take the measured columns; none where the firmware reads no parameter."""
+        if not self.record["n_theta"]:
+            return np.empty((runs, steps, 0), self.real)
+        if theta is None:
+            raise ValueError(f"theta: missing (expected shape {(runs, steps, self.record['n_theta'])}: the observer is "
+                             "scheduled)")
+        theta = np.asarray(theta)
+        wider = theta.ndim == 3 and theta.shape[2] > self.record["n_theta"]
+        return np.ascontiguousarray(theta[:, :, self.record["theta_columns"]]) if wider else theta
 
     def _pointer(self, array: Array | None, write: bool = False):
         """Return the C pointer to an array (NULL for none), its type taken from the array's."""

@@ -110,6 +110,8 @@ def scheduling(
 ) -> Array:
     """Return theta (K, n_theta) inside its bounds and no faster than its rates.
 
+    Where modes have bounds of their own, each mode has its own parameters: theta may jump at a switch.
+
     Parameters
     ----------
     plant : Plant
@@ -134,13 +136,21 @@ def scheduling(
     boxes = [mode.theta_bounds or plant.limits("theta") for mode in plant.modes]
     lo, hi = (np.broadcast_to(np.array([b[i] for b in boxes])[0 if q is None else q], shape) for i in (0, 1))
     theta = disturbances(plant, scenario, "theta", lo, hi, rng, pieces)
-    step = np.array([s.rate * plant.sample_period for s in plant.theta])
+    step = np.tile([s.rate * plant.sample_period for s in plant.theta], (scenario.steps, 1))
+    step[jumps(plant, q, scenario.steps)] = np.inf
     if not isinstance(scenario.theta, str):
         _check_rate(plant, theta, step)
         return theta
     for k in range(1, len(theta)):  # random values, reached no faster than the rate allows
-        theta[k] = theta[k - 1] + np.clip(theta[k] - theta[k - 1], -step, step)
+        theta[k] = theta[k - 1] + np.clip(theta[k] - theta[k - 1], -step[k], step[k])
     return theta
+
+
+def jumps(plant: Plant, q: Array | None, steps: int) -> Array:
+    """Return the rows at which theta may jump (K,): switches, where modes have bounds of their own."""
+    if q is None or all(mode.theta_bounds is None for mode in plant.modes):
+        return np.zeros(steps, dtype=bool)
+    return np.diff(q, prepend=q[:1]) != 0
 
 
 def given_theta(plant: Plant, theta: Array, steps: int) -> Array:
@@ -196,10 +206,10 @@ def _corner(lo: Array, hi: Array, rng: np.random.Generator) -> Array:
 
 def _check_rate(plant: Plant, theta: Array, step: Array) -> None:
     change = np.abs(np.diff(theta, axis=0))
-    for k, j in np.argwhere(change > step * (1 + 1e-9))[:1]:
+    for k, j in np.argwhere(change > step[1:] * (1 + 1e-9))[:1]:
         raise PlantError(
             f"theta.{plant.theta[j].name}: changes by {change[k, j]:g} at sample {k + 1} (expected at most "
-            f"{step[j]:g}, its rate times the sample period). Slow it down, or raise the rate."
+            f"{step[k + 1, j]:g}, its rate times the sample period). Slow it down, or raise the rate."
         )
 
 

@@ -318,14 +318,13 @@ def _disturbance(plant, mode, period: Period) -> tuple[Array, Array, Array]:
     rest = rest + apply(beyond, most) + apply(mul(tail, Bb) * h, most)
     # Inputs that move between samples.
     rates = np.array([arb(float(s.rate)) for s in plant.u], dtype=object)
-    term = size(balls(mode.B)) + sum((k * size(F[:n, n:]) for k, F in zip(period.known, period.slopes)),
-                                     0 * balls(mode.B)) + period.Db[:n, n:] + period.Tb[:n, n:]
     if len(rates):
-        moved = 0 * term
+        B_most = (period.Fb + period.Tb + period.Db)[:n, n:]
+        term, moved = B_most, 0 * B_most
         for k in range(TERMS):
             moved = moved + weight[k + 2] * term
             term = mul(whole, term)
-        moved = moved + mul(tail, size(balls(mode.B)) + period.Fb[:n, n:] + period.Tb[:n, n:] + period.Db[:n, n:]) * h * h
+        moved = moved + mul(tail, B_most) * h * h
         rest = rest + apply(moved, rates)
     box = ceiling(rest)
     Bw_d = np.hstack([gain, np.eye(n)])

@@ -10,7 +10,7 @@ import numpy as np
 
 from codegen.errors import PlantError
 from codegen.plant.continuous import PIECES, advance, fine
-from codegen.plant.excitation import disturbances, faults, given_theta, initial_state, inputs, scheduling
+from codegen.plant.excitation import disturbances, faults, given_theta, initial_state, inputs, jumps, scheduling
 from codegen.plant.messages import unknown
 from codegen.plant.model import Array, Mode, Plant, PlantTrace, Scenario
 from codegen.plant.record import Record, read_record
@@ -198,6 +198,7 @@ def _integrated(
     v = disturbances(plant, scenario, "v", limits["v_lo"], limits["v_hi"], rng)
     x, y = np.empty((steps, plant.n_x)), np.empty((steps, plant.n_y))
     state, h = initial_state(plant, scenario, rng), dense_plant.sample_period
+    anew = jumps(plant, q[at], dense.steps)
     for k in range(steps):
         mode = plant.modes[q[k]]
         x[k] = state
@@ -205,7 +206,8 @@ def _integrated(
         for i in range(PIECES):
             now = k * PIECES + i
             ends = [np.where(held, u[k], ramps[k] + (i + e) / PIECES * (ramps[k + 1] - ramps[k])) for e in (0, 1)]
-            state = advance(mode, state, h, (theta[now], theta[now + 1]), tuple(ends), w[now], f[k])
+            after = theta[now] if anew[now + 1] else theta[now + 1]
+            state = advance(mode, state, h, (theta[now], after), tuple(ends), w[now], f[k])
     return PlantTrace(x=x, u=u, y=y, q=q, theta=reading(plant, scenario, theta[:-1][cut], rng), w=w[:-1][cut], v=v, f=f)
 
 

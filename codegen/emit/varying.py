@@ -1,0 +1,195 @@
+"""Maps with parameters and radii as straight-line code: what ``maps.MapSpec`` and ``straight`` do not have.
+
+Beside the affine map a ``Varying`` has slopes in the measured parameters, entries that take the opposite bound, and
+radii. Row i becomes::
+
+    M_i_j    = base + th_0 * slope + ...                      only where a slope is not zero
+    common_i = sum of the input terms
+    apart_i  = sum R m_j + sum S |u_j| + sum |L_i_j| E         m_j = max(-x_lo[j], x_hi[j])
+    lo = common_i + d_lo + sum M x - apart_i,      hi = common_i + d_hi + sum M x + apart_i
+
+in the order of ``codegen.observers.framer``. Loops would have to interpolate zeros as well: all layouts are straight,
+"literal" with one function per mode, the others over a row of coefficients.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .cprint import Term, constant, count_operations, literal, sum_lines
+from .maps import Case, MapSpec, MapView, Row, Statement, Straight, Switch
+from .pieces import bounds, pointers, unused
+from .straight import Columns
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Varying:
+    """A map with what depends on parameters and what is only bounded.
+
+    Parameters
+    ----------
+    spec : MapSpec
+        Base values at theta = 0; both sides share all gains.
+    theta : tuple of str
+        C expression of each measured parameter in this step.
+    slopes : dict
+        Name of a Linear of ``spec`` -> ndarray (N, J, rows, columns).
+    flipped : ndarray (N, rows, n_x) bool or None
+        Entries of the state matrix that take the opposite bound; None: by sign.
+    R : ndarray (N, rows, n_x), S : ndarray (N, rows, n_u), E : ndarray (N, rows, n_y)
+        Radii of the state, the input, and the noise through the gain named "L".
+    inputs : str
+        C array of u.
+    """
+
+    spec: MapSpec
+    theta: tuple[str, ...]
+    slopes: dict[str, Array]
+    flipped: Array | None
+    R: Array
+    S: Array
+    E: Array
+    inputs: str
+
+
+def lay_out_varying(v: Varying, layout: str) -> MapView:
+    """Print the map: per mode with its constants ("literal"), else over a table."""
+    modes = np.arange(len(v.spec.names.modes))
+    if layout != "literal" or len(modes) == 1:
+        return MapView(straights=(body(v, modes, v.spec.name),))
+    names, spec = v.spec.names, v.spec
+    parts = [replace(body(v, modes[[q]], f"{spec.name}_{q}"), equation=(f'Mode "{names.modes[q]}".',)) for q in modes]
+    arguments = ", ".join(pointers(spec))
+    cases = [Case((names.mode_macros[q],), f"{part.name}({arguments})") for q, part in zip(modes, parts)]
+    switch = Switch(spec.name, spec.equation, spec.parameters, spec.selector, (), tuple(cases[:-1]), cases[-1])
+    return MapView(straights=tuple(parts), switches=(switch,))
+
+
+class Printer:
+    """Terms of one function; remembers which locals its rows ask for."""
+
+    def __init__(self, v: Varying, modes: Array):
+        self.v, self.modes, self.real = v, modes, v.spec.names.real
+        self.columns = Columns()
+        self.used: set[str] = set()
+        self.operations = np.zeros(2, dtype=int)
+
+    def statement(self, target: str, terms: list[Term]) -> Statement:
+        """Print a sum and count its operations."""
+        self.operations += np.array(count_operations(terms))
+        return Statement(target, sum_lines(terms, self.real))
+
+    def define(self, name: str, terms: list[Term]) -> Statement:
+        """Declare a local."""
+        return self.statement(f"const {self.v.spec.names.real_type} {name}", terms)
+
+    def scheduled(self, part: str, i: int, j: int) -> bool:
+        """Whether the entry of a Linear depends on theta in one of the modes."""
+        slopes = self.v.slopes.get(part)
+        return slopes is not None and bool(np.any(slopes[self.modes][:, :, i, j]))
+
+    def coefficient(self, part: str, values: Array, i: int, j: int) -> Statement:
+        """Interpolate one entry."""
+        terms = self.columns.terms(f"{part}[{i}][{j}]", values[self.modes][:, i, j], "", self.real)
+        for p, slope in enumerate(self.v.slopes[part][self.modes].transpose(1, 0, 2, 3)):
+            found = self.columns.terms(f"d{part}[{i}][{j}]/dtheta[{p}]", slope[:, i, j], f"th_{p}", self.real)
+            self.used |= {f"th_{p}"} if found else set()
+            terms += found
+        return self.define(f"{part}_{i}_{j}", terms)
+
+    def entry(self, part: str, values: Array, i: int, j: int, operand: str) -> list[Term]:
+        """Term of one entry times its operand."""
+        if self.scheduled(part, i, j):
+            return [("+", f"({part}_{i}_{j} * {operand})")]
+        return self.columns.terms(f"{part}[{i}][{j}]", values[self.modes][:, i, j], operand, self.real)
+
+    def state(self, i: int, side: str) -> list[Term]:
+        """Terms of the state in row i of one bound."""
+        linear, (own, other) = self.v.spec.state, bounds(self.v.spec, side)
+        values, terms = linear.side(side), []
+        for j in range(values.shape[2]):
+            if self.scheduled(linear.name, i, j):
+                terms += self.entry(linear.name, values, i, j, f"{own}[{j}]")
+                continue
+            column = values[self.modes][:, i, j]
+            opposite = column < 0 if self.v.flipped is None else self.v.flipped[self.modes][:, i, j]
+            name = f"{linear.name}[{i}][{j}]"
+            if opposite.all() or not opposite.any():
+                terms += self.columns.terms(name, column, f"{other if opposite.all() else own}[{j}]", self.real)
+            else:  # one column per bound, one of them zero in each mode
+                terms += self.columns.terms(f"pos({name})", np.where(opposite, 0, column), f"{own}[{j}]", self.real)
+                terms += self.columns.terms(f"-neg({name})", np.where(opposite, column, 0), f"{other}[{j}]", self.real)
+        return terms
+
+    def radius(self, i: int) -> list[Term]:
+        """Terms by which both bounds of row i move apart."""
+        v, terms = self.v, []
+        for name, values, local in (("R", v.R, "m"), ("S", v.S, "a")):
+            for j in range(values.shape[2]):
+                found = self.columns.terms(f"{name}[{i}][{j}]", values[self.modes][:, i, j], f"{local}_{j}", self.real)
+                self.used |= {f"{local}_{j}"} if found else set()
+                terms += found
+        for j in range(v.E.shape[2]):
+            size = f"L_{i}_{j}"
+            magnitude = f"(({size} < {literal(0.0, self.real)}) ? -{size} : {size})"
+            terms += self.columns.terms(f"E[{i}][{j}]", v.E[self.modes][:, i, j], magnitude, self.real)
+        return terms
+
+
+def body(v: Varying, modes: Array, name: str) -> Straight:
+    """Print the whole function for some modes."""
+    spec, rows = v.spec, []
+    p = Printer(v, modes)
+    for i, note in enumerate(spec.rows):
+        rows.append(Row(note, tuple(_row(p, i))))
+    tables = p.columns.table(spec)
+    prologue = (*((f"const {spec.names.real_type} *const k = table[{spec.index}];",) if tables else ()), *_locals(p))
+    text = [f"{s.target} {' '.join(s.lines)}" for row in rows for s in row.statements]
+    multiply, add = map(int, p.operations)
+    return Straight(name, spec.equation, spec.parameters, unused(spec, [*text, *prologue]), tables, prologue,
+                    tuple(rows), spec.tail, multiply, add, p.columns.flash(spec, multiply, add, len(modes)))
+
+
+def _row(p: Printer, i: int) -> list[Statement]:
+    """Coefficients, common part, radius and both bounds of row i."""
+    spec = p.v.spec
+    out, common = [], []
+    for part in spec.common:
+        for j in range(part.hi.shape[2]):
+            if p.scheduled(part.name, i, j):
+                out.append(p.coefficient(part.name, part.hi, i, j))
+            common += p.entry(part.name, part.hi, i, j, f"{part.operand}[{j}]")
+    for j in range(spec.state.hi.shape[2]):
+        if p.scheduled(spec.state.name, i, j):
+            out.append(p.coefficient(spec.state.name, spec.state.hi, i, j))
+    if common:
+        out.append(p.define(f"common_{i}", common))
+    apart = p.radius(i)
+    if apart:
+        out.append(p.define(f"apart_{i}", apart))
+    offset, stores = spec.offset, []
+    for side, sign in (("lo", "-"), ("hi", "+")):
+        own = p.columns.terms(f"{offset.label(side)}[{i}]", offset.side(side)[p.modes][:, i], "", p.real)
+        terms = [*([("+", f"common_{i}")] if common else []), *own, *p.state(i, side),
+                 *([(sign, f"apart_{i}")] if apart else [])]
+        out.append(p.define(f"{side}_{i}", terms or constant(0.0, p.real)))
+        stores.append(Statement(f"{spec.target(side)}[{i}]", (f"{side}_{i}",)))
+    return [*out, *stores]
+
+
+def _locals(p: Printer) -> tuple[str, ...]:
+    """Declare parameters and magnitudes that the rows use."""
+    spec, real, zero = p.v.spec, p.v.spec.names.real_type, literal(0.0, p.real)
+    lo, hi = bounds(spec, "lo")
+    lines = [f"const {real} th_{j} = {text};" for j, text in enumerate(p.v.theta) if f"th_{j}" in p.used]
+    for j in range(p.v.R.shape[2]):
+        if f"m_{j}" in p.used:
+            lines.append(f"const {real} m_{j} = (-{lo}[{j}] > {hi}[{j}]) ? -{lo}[{j}] : {hi}[{j}];")
+    for j in range(p.v.S.shape[2]):
+        if f"a_{j}" in p.used:
+            lines.append(f"const {real} a_{j} = ({p.v.inputs}[{j}] < {zero}) ? -{p.v.inputs}[{j}] : {p.v.inputs}[{j}];")
+    return tuple(lines)
