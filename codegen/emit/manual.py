@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,10 +76,40 @@ def assumed(design, tables, monitors_dwell: bool) -> tuple[str, ...]:
              + ("cuts the bounds in every call." if tables.clamp else
                 "is used by predict, by reset, and for the restart after a fault.")]
     items += _bounds(plant, "disturbance", plant.w, "w") + _bounds(plant, "measurement noise", plant.v, "v")
+    items += _parameters(plant) + _sampling(plant)
     if monitors_dwell:
         items.append("The mode switches slowly enough on average. This is watched: see assured and the bucket.")
     items.append("Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.")
     return tuple(line for item in items for line in paragraph(item, "- "))
+
+
+def _parameters(plant) -> list[str]:
+    """State what is assumed of the parameters."""
+    items = []
+    for signal in plant.theta:
+        unit = f" {signal.unit}" if signal.unit else ""
+        text = f"The parameter {signal.name} is in [{signal.lo!r}, {signal.hi!r}]{unit}"
+        own = [(m.name, *m.theta_bounds) for m in plant.modes if m.theta_bounds is not None]
+        j = plant.theta.index(signal)
+        text += "".join(f', in mode "{name}" in [{float(lo[j])!r}, {float(hi[j])!r}]' for name, lo, hi in own)
+        text += f", changes by at most {signal.rate!r}{unit}/s" if math.isfinite(signal.rate) else ", at any speed"
+        items.append(text + ((f", and in->theta holds it to within {signal.error!r}{unit}." if signal.error else
+                              ", and in->theta holds it.") if signal.measured else "; it is not measured."))
+    return items
+
+
+def _sampling(plant) -> list[str]:
+    """State what may happen between the samples of a continuous plant."""
+    if plant.kind != "continuous":
+        return []
+    moving = [s for s in plant.u if s.rate]
+    held = "The inputs are held from sample to sample" if not moving else (
+        "Between samples the input " + ", ".join(f"{s.name} changes by at most {s.rate!r} {s.unit}/s".replace(" /", "/")
+                                                 for s in moving)
+        + (", the others are held" if len(moving) < len(plant.u) else ""))
+    first = [held] if plant.u else []
+    return [". ".join([*first, "The mode changes at samples only. Disturbances and parameters may move between samples "
+                       "too: the bounds hold at the samples whatever they do there"]) + "."]
 
 
 def _bounds(plant, what: str, signals, vector: str) -> list[str]:

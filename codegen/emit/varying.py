@@ -147,7 +147,9 @@ def body(v: Varying, modes: Array, name: str) -> Straight:
     for i, note in enumerate(spec.rows):
         rows.append(Row(note, tuple(_row(p, i))))
     tables = p.columns.table(spec)
-    prologue = (*((f"const {spec.names.real_type} *const k = table[{spec.index}];",) if tables else ()), *_locals(p))
+    prologue = (f"const {spec.names.real_type} *const k = table[{spec.index}];",) if tables else ()
+    found = _locals(p)
+    rows = [*([Row("parameters of this step, magnitudes of x and u", found)] if found else []), *rows]
     text = [f"{s.target} {' '.join(s.lines)}" for row in rows for s in row.statements]
     multiply, add = map(int, p.operations)
     return Straight(name, spec.equation, spec.parameters, unused(spec, [*text, *prologue]), tables, prologue,
@@ -181,15 +183,12 @@ def _row(p: Printer, i: int) -> list[Statement]:
     return [*out, *stores]
 
 
-def _locals(p: Printer) -> tuple[str, ...]:
-    """Declare parameters and magnitudes that the rows use."""
+def _locals(p: Printer) -> tuple[Statement, ...]:
+    """Declare the parameters and magnitudes that the rows use."""
     spec, real, zero = p.v.spec, p.v.spec.names.real_type, literal(0.0, p.real)
     lo, hi = bounds(spec, "lo")
-    lines = [f"const {real} th_{j} = {text};" for j, text in enumerate(p.v.theta) if f"th_{j}" in p.used]
-    for j in range(p.v.R.shape[2]):
-        if f"m_{j}" in p.used:
-            lines.append(f"const {real} m_{j} = (-{lo}[{j}] > {hi}[{j}]) ? -{lo}[{j}] : {hi}[{j}];")
-    for j in range(p.v.S.shape[2]):
-        if f"a_{j}" in p.used:
-            lines.append(f"const {real} a_{j} = ({p.v.inputs}[{j}] < {zero}) ? -{p.v.inputs}[{j}] : {p.v.inputs}[{j}];")
-    return tuple(lines)
+    u = p.v.inputs
+    texts = {f"th_{j}": text for j, text in enumerate(p.v.theta)}
+    texts |= {f"m_{j}": f"(-{lo}[{j}] > {hi}[{j}]) ? -{lo}[{j}] : {hi}[{j}]" for j in range(p.v.R.shape[2])}
+    texts |= {f"a_{j}": f"({u}[{j}] < {zero}) ? -{u}[{j}] : {u}[{j}]" for j in range(p.v.S.shape[2])}
+    return tuple(Statement(f"const {real} {name}", (text,)) for name, text in texts.items() if name in p.used)
