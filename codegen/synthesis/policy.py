@@ -5,8 +5,10 @@ For a width vector W the best gains of a row are found without looking at the ot
     W_i <- max over modes of min over (L_i, N_i) of max over corners of theta of
            |M_i(theta)| W + |T_i Bw| 2 wbar + |L_i(theta) Dv| 2 vbar + |N_i Dv| 2 vbar + 2 (unknowns over the range of x)
 
-with M = T A - L C, and M >= 0 unless ``split``. The map is monotone, so from W = 0 it climbs to its least fixed point:
-no constant gains have a smaller steady width, in any state, for arbitrary switching. A cap on |N| keeps a sensor fault
+with M = T A - L C, and M >= 0 unless ``split``. The map is monotone and, where a design exists, contracts to one fixed
+point: no constant gains have a smaller steady width, in any state, for arbitrary switching. It is piecewise linear, so
+each round solves the linear system of the gains and corners that are active (Newton), which a short sampling period
+with its slow contraction needs. A cap on |N| keeps a sensor fault
 visible: with C N = I the correction swallows it.
 
 Source: own, after section 2.5 of the dossier on Lamouchi (2016); the same idea serves Chevet (2021).
@@ -66,10 +68,24 @@ class Row:
             matrix[:, -self.p:] += (s.C[q] @ A).T
         return A[self.i], matrix, (s.Dv[q].T @ L, np.zeros(s.Dv.shape[2]), 2 * s.v_half)
 
+    def active(self, W: Array, g: Array) -> tuple[float, Array]:
+        """Value and slope in W of this row for given gains, at the corner where it is largest."""
+        best = (-np.inf, np.zeros(len(W)))
+        for constant, matrix, (noise, _, weight) in self.at_corner:
+            M = constant - matrix @ g[:self.free]
+            M = np.abs(M) if self.problem.split else M
+            value = M @ W + np.abs(noise @ g[:self.free]) @ weight
+            best = max(best, (value, M), key=lambda pair: pair[0])
+        rest = sum(np.abs(constant - matrix @ g[:self.free]) @ weight for matrix, constant, weight in self.fixed)
+        return best[0] + rest, best[1]
+
     def solve(self, W: Array) -> tuple[float, Array] | None:
         """Smallest width of this row for the widths W of all, with its gains; None where no gains are allowed."""
         split = self.problem.split
         terms = [*self.fixed, *(noise for *_, noise in self.at_corner)]
+        # The solver's tolerances are absolute: widths are counted in what one sample adds without gains.
+        unit = max(sum(np.abs(constant) @ weight for _, constant, weight in self.fixed), 1e-12 * W.max(), 1e-300)
+        W, terms = W / unit, [(matrix, constant, weight / unit) for matrix, constant, weight in terms]
         count = sum(len(weight) for *_, weight in terms)
         extra = len(W) * len(self.at_corner) if split else 0
         size = self.free + count + extra + 1  # g, magnitudes of the terms, of M, the width
@@ -92,7 +108,7 @@ class Row:
         at = self.free + sum(len(weight) for *_, weight in self.fixed)
         for constant, matrix, (_, _, weight) in self.at_corner:
             total, right = shared.copy(), 0.0
-            total[at:at + len(weight)] = weight
+            total[at:at + len(weight)] = weight / unit
             at += len(weight)
             if split:
                 magnitude(matrix, constant, start)
@@ -112,10 +128,10 @@ class Row:
         if self.cap is not None and self.problem.tnl:
             bounds[self.free - self.p:self.free] = [(-c, c) for c in self.cap[self.i]]
         solved = linprog(cost, A_ub=np.vstack(rows), b_ub=np.concatenate(rhs), bounds=bounds)
-        return (float(solved.fun), solved.x[:self.free]) if solved.status == 0 else None
+        return (float(solved.fun) * unit, solved.x[:self.free]) if solved.status == 0 else None
 
 
-def iterate(problem: Problem, cap: Array | None = None, rounds: int = 400) -> dict | None:
+def iterate(problem: Problem, cap: Array | None = None, rounds: int = 60) -> dict | None:
     """Climb to the least fixed point.
 
     Returns
@@ -126,23 +142,41 @@ def iterate(problem: Problem, cap: Array | None = None, rounds: int = 400) -> di
     modes, n, p = problem.sizes
     rows = [[Row(problem, q, i, cap) for i in range(n)] for q in range(modes)]
     W = np.zeros(n)
-    for _ in range(rounds):
+    best = (np.inf, 0, None, W)
+    for round_ in range(rounds):
         solved = [[row.solve(W) for row in mode] for mode in rows]
         if any(s is None for mode in solved for s in mode):
             return None
-        new = np.max([[value for value, _ in mode] for mode in solved], axis=0)
+        values = np.array([[value for value, _ in mode] for mode in solved])
+        new = values.max(axis=0)
+        if np.all(np.abs(new - W) <= 1e-6 * new + 1e-12 * max(1e-300, new.max())):
+            break
         if not np.all(np.isfinite(new)) or np.max(new) > 1e9:
             return None
-        done = np.all(new <= W * (1 + 1e-5) + 1e-12 * max(1e-300, new.max()))
-        W = np.maximum(W, new)
-        if done:
-            break
+        jump = newton(rows, solved, values.argmax(axis=0), W)
+        W = new if jump is None or np.any(jump < 0) or np.max(jump) > 1e9 or round_ % 8 == 7 else jump
+        best = min(best, (float(np.max(np.abs(new - W) / (new + 1e-300))), round_, solved, W), key=lambda item: item[:2])
+    else:  # the corners that are active may alternate close to the fixed point: the certificate judges what was best
+        distance, _, solved, W = best
+        if distance > 0.05:
+            return None
     g = np.array([[x for _, x in mode] for mode in solved])
     J = problem.parameters
     L = g[:, :, :p]
     steps = g[:, :, p:p * (1 + J)].reshape(modes, n, J, p).transpose(0, 2, 1, 3)
     N = g[:, :, p * (1 + J):] if problem.tnl else np.zeros_like(L)
     return {"L": np.array([tidy(x) for x in L]), "L_theta": steps, "N": np.array([tidy(x) for x in N]), "width": W}
+
+
+def newton(rows: list, solved: list, modes: Array, W: Array) -> Array | None:
+    """Fixed point of the active linear pieces; None where they do not contract."""
+    M, b = np.empty((len(W), len(W))), np.empty(len(W))
+    for i, q in enumerate(modes):
+        value, M[i] = rows[q][i].active(W, solved[q][i][1])
+        b[i] = value - M[i] @ W
+    if np.max(np.abs(np.linalg.eigvals(M))) >= 1.0:
+        return None
+    return np.linalg.solve(np.eye(len(W)) - M, b)
 
 
 def candidates(problem: Problem, options: dict, progress: Callable[[str], None]) -> Iterator[Candidate]:
