@@ -15,8 +15,8 @@ from .certify.freeze import freeze
 from .designs import Design
 from .errors import CertificateError, DesignError
 from .observers import FAMILIES, FramerTables, Supervision
+from .periods import longest
 from .plant.model import Plant
-from .plant.sampling import midpoint
 from .plant.uncertain import is_uncertain
 from .synthesis import METHODS, check_options
 from .synthesis.linf import pairwise
@@ -87,7 +87,7 @@ def both_sides(c: Candidate, plant: Plant, module) -> dict:
     """The same gains for the upper and the lower framer."""
     gains = {"L_hi": c.L, "L_lo": c.L, "N_hi": c.N, "N_lo": c.N}
     if c.L_theta is not None:
-        gains |= {"L_theta": c.L_theta, "midpoint": midpoint(plant),
+        gains |= {"L_theta": c.L_theta, "midpoint": plant.reads_both_ends,
                   "columns": [j for j, s in enumerate(plant.theta) if s.measured], "split": getattr(module, "SPLIT", False)}
     return gains
 
@@ -190,9 +190,21 @@ def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], No
         return trials
     if failure is not None:
         raise CertificateError(f"{plant.name}: {count} designs found, none survives rounding to {real}: {failure}")
+    if plant.kind == "continuous":
+        raise DesignError(period_words(plant, name))
     raise DesignError(f"{plant.name}: T A - L C can be made nonnegative in every mode, but no gains make all modes "
                       f'decay together ("{name}", {", ".join(options.get("criterion", "all criteria").split())}). '
                       'Declare switching.average_dwell with lyapunov = "multiple", or measure another state.')
+
+
+def period_words(plant: Plant, name: str) -> str:
+    """Say that no design holds at the sampling period, and the longest at which one does."""
+    module = METHODS[name].module
+    found = longest(plant, METHODS[name].tnl, getattr(module, "SPLIT", False))
+    return (f'{plant.name}: time.sample_period is {plant.sample_period:g} s: method "{name}" has no design at it. '
+            + (f"The longest period at which one was found is {found:.3g} s: sample at least as fast." if found else
+               "None was found at shorter periods either (down to a 65000th): measure another state, or try another "
+               "method."))
 
 
 def fixed_gains(plant: Plant, name: str, options: dict, within: int) -> Trial:

@@ -236,6 +236,17 @@ class Plant:
         return observed(self)
 
     @property
+    def reads_both_ends(self) -> bool:
+        """Whether a step takes the mean of the parameters at both its ends.
+
+        Of a continuous plant whose measured parameters all have rates, and the same bounds in all modes: then the mean
+        is closer to what they are in between than their value at the start.
+        """
+        known = [s for s in self.theta if s.measured]
+        return (self.kind == "continuous" and bool(known) and all(np.isfinite(s.rate) for s in known)
+                and all(m.theta_bounds is None for m in self.modes))
+
+    @property
     def n_x(self) -> int:
         """Number of states."""
         return len(self.x)

@@ -197,13 +197,6 @@ def sampled(plant: Plant) -> Plant:
     return replace(plant, kind="discrete", modes=modes, theta=measured, w=w)
 
 
-def midpoint(plant: Plant) -> bool:
-    """Whether p_j is the mean of both ends: all measured parameters have rates and the same bounds in all modes."""
-    known = [s for s in plant.theta if s.measured]
-    return (plant.kind == "continuous" and bool(known) and all(np.isfinite(s.rate) for s in known)
-            and all(m.theta_bounds is None for m in plant.modes))
-
-
 def _mode(plant: Plant, mode: Mode, order: int) -> UncertainMode:
     n, n_u, h = plant.n_x, plant.n_u, arb(float(plant.sample_period))
     m = n + n_u
@@ -229,7 +222,7 @@ def _mode(plant: Plant, mode: Mode, order: int) -> UncertainMode:
 def _excursions(plant: Plant, known: list[int], radius: Array, h: arb) -> tuple[list, list]:
     """Largest |theta - p| and |mean of theta - p| times h, for parameters measured at both ends or at the start."""
     excursion, average = [], []
-    both = midpoint(plant)
+    both = plant.reads_both_ends
     for j in known:
         width = 2 * radius[j]
         rate = plant.theta[j].rate

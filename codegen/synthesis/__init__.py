@@ -30,6 +30,11 @@ class Method:
     reference: str
     module: ModuleType
 
+    @property
+    def tnl(self) -> bool:
+        """Whether N is a variable of the design."""
+        return self.family == "tnl"
+
     def family_for(self, plant) -> str:
         """Run-time family for a plant: some methods take another one for a sampled plant."""
         choose = getattr(self.module, "family_for", None)

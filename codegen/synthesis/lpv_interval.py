@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from functools import partial
 
-from ..plant.sampling import midpoint
 from . import framers
 
 FAMILY = "interval"
@@ -34,4 +33,4 @@ inapplicable = partial(framers.inapplicable_varying, tnl=False)
 
 def family_for(plant) -> str:
     """Where a step needs the parameters at both its ends it is taken when the second is there: family "tnl"."""
-    return "tnl" if midpoint(plant) else FAMILY
+    return "tnl" if plant.reads_both_ends else FAMILY

@@ -9,7 +9,6 @@ from itertools import product
 import numpy as np
 
 from ..algebra.interval import half
-from ..plant.uncertain import UncertainMode
 
 Array = np.ndarray
 #: (L, N) -> worst threshold, typical threshold (both in channel sizes), relative width.
@@ -96,7 +95,7 @@ class Problem:
         v = np.max(np.stack([half(m.v_lo, m.v_hi) for m in plant.modes]), axis=0)
         scale = np.array([s if np.isfinite(s := max(abs(f.lo), abs(f.hi))) and s > 0 else 1.0 for f in plant.f])
         dwell = plant.switching.average_dwell
-        vary = _vary(plant) if isinstance(plant.modes[0], UncertainMode) else {}
+        vary = _vary(plant) if hasattr(plant.modes[0], "A_unc") else {}
         return cls(tuple(m.name for m in plant.modes), tuple(s.name for s in plant.x), **stack, w_half=w, v_half=v,
                    f_scale=scale, tnl=tnl, tau=None if dwell is None else dwell / plant.sample_period,
                    chatter=plant.switching.chatter, split=split, **vary)
