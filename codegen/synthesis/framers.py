@@ -9,7 +9,7 @@ import numpy as np
 from ..errors import DesignError
 from . import detection, linf, policy, width
 from .problem import Candidate, Judge, Problem
-from .structure import obstruction
+from .structure import obstruction, slow_reason
 
 Array = np.ndarray
 
@@ -150,4 +150,10 @@ def candidates_varying(plant, tnl: bool, options: dict, judge, settled, progress
         yield from policy.candidates(problem, options, progress)
         yield from width.candidates(problem, options, progress)
     if "linf" in wanted:
-        yield from linf.candidates(problem, options, progress)
+        found = False
+        for c in linf.candidates(problem, options, progress):
+            found = True
+            yield c
+        slow = None if found or "lambda" not in options or split else slow_reason(problem, float(options["lambda"]))
+        if slow is not None:
+            raise DesignError(f"{plant.name}: {slow}")

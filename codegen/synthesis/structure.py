@@ -75,3 +75,53 @@ def unseen_growth(A: Array, C: Array, tnl: bool) -> Array | None:
     rhs = np.concatenate([np.zeros(len(hidden)), [1.0]])
     solved = linprog(np.zeros(n), A_ub=np.eye(n) - A, b_ub=np.zeros(n), A_eq=equal, b_eq=rhs, bounds=[(0, None)] * n)
     return solved.x if solved.status == 0 else None
+
+
+def unseen_decay(A: Array, C: Array, tnl: bool) -> tuple[float, Array | None]:
+    """Slowest decay of what the outputs do not see: the largest s with A z >= s z, z >= 0, C z = 0 (and C A z = 0).
+
+    For such a z every gain has (T A - L C) z = A z, so no nonnegative T A - L C has a spectral radius below s. With
+    z = 1 (C 1 = 0) s is the smallest row sum of A.
+
+    Returns
+    -------
+    s : float
+        0 where there is no such direction.
+    z : ndarray (n_x,) or None
+        Sum 1.
+    """
+    n = len(A)
+    hidden = np.vstack([C] + ([C @ A] if tnl else []) + [np.ones((1, n))])
+    rhs = np.concatenate([np.zeros(len(hidden) - 1), [1.0]])
+    lo, hi, best = 0.0, float(np.max(np.abs(A).sum(axis=1))) + 1e-9, None
+    for _ in range(50):
+        s = (lo + hi) / 2
+        solved = linprog(np.zeros(n), A_ub=s * np.eye(n) - A, b_ub=np.zeros(n), A_eq=hidden, b_eq=rhs,
+                         bounds=[(0, None)] * n)
+        if solved.status == 0:
+            lo, best = s, solved.x
+        else:
+            hi = s
+    return (lo, best) if best is not None else (0.0, None)
+
+
+def slow_reason(problem: Problem, lam: float) -> str | None:
+    """Say why no design has V+ <= (1 - lam) V, if a direction that the outputs do not see forbids it.
+
+    V = e' P e with T A - L C >= 0 shrinks by its spectral radius squared at best: sqrt(1 - lam) must not be below
+    ``unseen_decay`` in any mode, at any corner of the parameters.
+    """
+    worst = (0.0, None, 0, np.zeros(0))
+    for q in range(len(problem.names)):
+        for corner, A in problem.at(q):
+            s, z = unseen_decay(A, problem.C[q], problem.tnl)
+            if z is not None and s > worst[0]:
+                worst = (s, z, q, corner)
+    s, z, q, corner = worst
+    if s <= np.sqrt(1.0 - lam):
+        return None
+    parts = " + ".join(f"{v:.3g} {x}" for v, x in zip(z, problem.states) if v > 1e-9)
+    where = f" at theta = ({', '.join(f'{v:g}' for v in corner)})" if len(corner) else ""
+    return (f'lambda = {lam:g} asks for decay by {np.sqrt(1.0 - lam):.4g} per sample, but in mode "{problem.names[q]}"{where} '
+            f"the direction z = {parts} is invisible to the outputs (C z = 0, so (A - L C) z = A z for every L) and A z >= "
+            f"{s:.4g} z. Ask for lambda below {1.0 - s * s:.4g}, or measure another state.")
