@@ -20,6 +20,10 @@ typedef struct {
 static const T(real) u_lo[] = CASE_U_LO;
 static const T(real) u_hi[] = CASE_U_HI;
 #endif
+#if CASE_NTHETA > 0
+static const T(real) theta_lo[][M(NTHETA)] = CASE_THETA_LO;
+static const T(real) theta_hi[][M(NTHETA)] = CASE_THETA_HI;
+#endif
 static const T(real) y_lo[] = CASE_Y_LO;
 static const T(real) y_hi[] = CASE_Y_HI;
 static const T(real) x_lo[] = CASE_X_LO;
@@ -64,6 +68,20 @@ static inline void inputs_in_the_middle(T(in) *in)
     {
         in->y[i] = (y_lo[i] / 2) + (y_hi[i] / 2);
     }
+#if CASE_NTHETA > 0
+    for (uint32_t i = 0U; i < M(NTHETA); i++)
+    {
+        T(real) least = theta_lo[0][i];
+        T(real) most = theta_hi[0][i];
+
+        for (uint32_t q = 1U; q < M(MODES); q++) /* a value that every mode accepts */
+        {
+            least = (theta_lo[q][i] > least) ? theta_lo[q][i] : least;
+            most = (theta_hi[q][i] < most) ? theta_hi[q][i] : most;
+        }
+        in->theta[i] = (least / 2) + (most / 2);
+    }
+#endif
     in->mode = 0U;
 }
 

@@ -36,17 +36,24 @@ def case(record: dict) -> str:
     supervision = record["supervision"]
     values = {f"CASE_{name.upper()}": "{ " + ", ".join(f"{v!r}{suffix}" for v in record["ranges"][name]) + " }"
               for name in ("u_lo", "u_hi", "y_lo", "y_hi", "x_lo", "x_hi", "x0_lo", "x0_hi")}
+    boxes = {name: record["ranges"][name] for name in ("theta_lo", "theta_hi") if name in record["ranges"]}
+    values |= {f"CASE_{name.upper()}": braced(rows, suffix) for name, rows in boxes.items()}
     members = {name for name, _, _ in record["state"]}
     numbers = {name: supervision[name] for name in ("dwell_add", "dwell_drain", "dwell_limit", "hold")}
     numbers |= {"state_bytes": record["state_bytes"], "recover": max(supervision["recover"], 1),
                 "debounce_m": supervision["debounce"][0], "debounce_n": supervision["debounce"][1]}
-    flags = {"nu": record["n_u"], "latch": supervision["latch"], "has_phase": "phase" in members,
+    flags = {"nu": record["n_u"], "ntheta": record["n_theta"], "latch": supervision["latch"], "has_phase": "phase" in members,
              "has_mode": "mode" in members, "counts_hold": "hold" in members}
     values |= {f"CASE_{name.upper()}": f"{value}U" for name, value in numbers.items()}
     values |= {f"CASE_{name.upper()}": f"{int(value)}" for name, value in flags.items()}
     return "\n".join(["#ifndef CASE_H", "#define CASE_H", f'#include "{record["prefix"]}.h"',
                       f"#define T(name) {record['prefix']}_##name", f"#define M(name) {record['macro']}_##name",
                       *(f"#define {name} {value}" for name, value in values.items()), "#endif", ""])
+
+
+def braced(rows: list[list[float]], suffix: str) -> str:
+    """Print numbers per mode as a C initialiser."""
+    return "{ " + ", ".join("{ " + ", ".join(f"{v!r}{suffix}" for v in row) + " }" for row in rows) + " }"
 
 
 def failure(command: list, cwd: Path) -> str:

@@ -27,10 +27,9 @@ static int answers(bench *b, T(status) step, T(status) predict)
 }
 
 /* One channel at both ends, beyond them, infinite and NaN; then back in the middle. */
-static int ends(bench *b, T(real) *channel, T(real) lo, T(real) hi, int is_input)
+static int ends(bench *b, T(real) *channel, T(real) lo, T(real) hi, T(status) step)
 {
-    const T(status) step = (is_input != 0) ? M(BAD_INPUT) : M(BAD_OUTPUT);
-    const T(status) predict = (is_input != 0) ? M(BAD_INPUT) : M(OK);
+    const T(status) predict = (step == M(BAD_OUTPUT)) ? M(OK) : step;
     const T(real) middle = *channel;
     const T(real) nan = not_a_number();
     const T(real) bad[] = { beyond(lo, hi, 0), beyond(lo, hi, 1), nan, -huge(), huge() };
@@ -58,12 +57,18 @@ static int every_end_of_every_range(void)
 #if CASE_NU > 0
         for (uint32_t i = 0U; i < M(NU); i++)
         {
-            CHECK(ends(&b, &b.in.u[i], u_lo[i], u_hi[i], 1) == 0);
+            CHECK(ends(&b, &b.in.u[i], u_lo[i], u_hi[i], M(BAD_INPUT)) == 0);
+        }
+#endif
+#if CASE_NTHETA > 0
+        for (uint32_t i = 0U; i < M(NTHETA); i++)
+        {
+            CHECK(ends(&b, &b.in.theta[i], theta_lo[b.in.mode][i], theta_hi[b.in.mode][i], M(BAD_PARAMETER)) == 0);
         }
 #endif
         for (uint32_t i = 0U; i < M(NY); i++)
         {
-            CHECK(ends(&b, &b.in.y[i], y_lo[i], y_hi[i], 0) == 0);
+            CHECK(ends(&b, &b.in.y[i], y_lo[i], y_hi[i], M(BAD_OUTPUT)) == 0);
         }
     }
     CHECK(answers(&b, M(BAD_MODE), M(BAD_MODE)) == 0);

@@ -9,25 +9,27 @@ import numpy as np
 from .cprint import initialiser
 from .render import render
 
-RANGES = ("u_lo", "u_hi", "y_lo", "y_hi")
+RANGES = ("u_lo", "u_hi", "y_lo", "y_hi", "theta_lo", "theta_hi")
 
 
 @dataclass(frozen=True)
 class Range:
-    """One end of the ranges of a vector: the name of the array and its initialiser."""
+    """One end of the ranges of a vector (of the parameters: per mode): name and size of the array, its initialiser."""
 
     name: str
+    size: str
     values: str
 
 
 @dataclass(frozen=True)
 class FuzzView:
-    """What the harness prints; ``inputs`` is the number of inputs, or nothing if there are none."""
+    """What the harness prints; ``inputs`` is the number of inputs, or nothing without; so ``parameters``."""
 
     prefix: str
     macro: str
     ranges: tuple[Range, ...]
     inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
 
 
 def fuzz_harness(record: dict) -> str:
@@ -49,7 +51,9 @@ def fuzz_harness(record: dict) -> str:
         The template is damaged.
     """
     macro, real = record["macro"], record["real"]
-    ranges = tuple(Range(name, initialiser(np.array(record["ranges"][name], dtype=real), real))
-                   for name in RANGES if record["ranges"][name])
+    ranges = tuple(Range(name, f"[][{macro}_NTHETA]" if name.startswith("theta") else "[]",
+                         initialiser(np.array(record["ranges"][name], dtype=real), real))
+                   for name in RANGES if record["ranges"].get(name))
     return render("harness/fuzz.c.jinja", h=FuzzView(record["prefix"], macro, ranges,
-                                                     (f"{macro}_NU",) if record["n_u"] else ()))
+                                                     (f"{macro}_NU",) if record["n_u"] else (),
+                                                     (f"{macro}_NTHETA",) if record["n_theta"] else ()))

@@ -91,9 +91,18 @@ def harness(design, d: DesignView) -> HarnessView:
         words=_places(d, [f for f in d.state_fields if f.name in words]),
         parted=tuple(Parted(name, f"{words[name] + 1}U") for name in apart), answers=_places(d, d.out_fields),
         wide=tuple(n for v, lo, hi in vectors for n in _numbers(v, -_reach(lo, hi), _reach(lo, hi), d.real)),
-        good=tuple(n for v, lo, hi in vectors for n in _numbers(v, lo, hi, d.real)),
+        good=tuple(n for v, lo, hi in _accepted(vectors, t) for n in _numbers(v, lo, hi, d.real)),
         beyond_u=_beyond("u", t.u_lo, t.u_hi, d.real), beyond_y=_beyond("y", t.y_lo, t.y_hi, d.real),
         beyond_theta=_beyond(*vectors[2], d.real) if d.theta else ())
+
+
+def _accepted(vectors, t):
+    """Ranges that every mode accepts: of the parameters what all boxes have in common, their hull if that is nothing."""
+    for vector, lo, hi in vectors:
+        if vector == "theta":
+            inner = t.vary.theta_lo.max(axis=0), t.vary.theta_hi.min(axis=0)
+            lo, hi = inner if np.all(inner[0] <= inner[1]) else (lo, hi)
+        yield vector, lo, hi
 
 
 def _words(value: int, size: str, bits: int) -> str:
