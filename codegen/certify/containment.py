@@ -89,6 +89,7 @@ class Containment:
         self.y_err = np.array([input_error(b, t.real) for b in self.y_max], dtype=object)
         # The physical u may lie half a unit beyond the table's rounded limit.
         self.u_true = self.u_max + self.u_err
+        self._updates: dict[tuple[int, str], list[Demand]] = {}
 
     def leftover(self, q: int, side: str) -> tuple[Array, Array, Array]:
         """Return T, T A - L C - M and T B - L D - G of mode q on the emitted constants, exact."""
@@ -99,7 +100,12 @@ class Containment:
         return T, product(T, p["A"]) - product(L, p["C"]) - M, product(T, p["B"]) - product(L, p["D"]) - G
 
     def update(self, q: int, side: str) -> list[Demand]:
-        """Demands on d_hi[q] (side "hi") or -d_lo[q] (side "lo"), one per state."""
+        """Demands on d_hi[q] (side "hi") or -d_lo[q] (side "lo"), one per state; they do not depend on d."""
+        if (q, side) not in self._updates:
+            self._updates[q, side] = self._update(q, side)
+        return self._updates[q, side]
+
+    def _update(self, q: int, side: str) -> list[Demand]:
         p, t, sign = self.exact[q], self.t, (1 if side == "hi" else -1)
         L, N = rational(getattr(t, "L_" + side)[q]), rational(getattr(t, "N_" + side)[q])
         M, G = rational(getattr(t, "M_" + side)[q]), rational(getattr(t, "G_" + side)[q])

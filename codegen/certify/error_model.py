@@ -27,6 +27,8 @@ class ErrorModel:
     modes : sequence
         The plant's modes.
     t : FramerTables
+    exact : Containment, optional
+        Of the same tables, where the caller has it already.
 
     Attributes
     ----------
@@ -38,9 +40,9 @@ class ErrorModel:
         Largest squared norm of the stacked disturbance [b without noise; Dv v; Dv v+] over all modes.
     """
 
-    def __init__(self, modes, t):
+    def __init__(self, modes, t, exact: Containment | None = None):
         self.t = t
-        exact = Containment(modes, t)
+        exact = exact or Containment(modes, t)
         self.M = {s: [rational(m) for m in getattr(t, "M_" + s)] for s in ("hi", "lo")}
         self.push = {"hi": [], "lo": []}
         noise2 = [sum((max(a, b) ** 2 for a, b in zip(sup(p["Dv"], p["v_lo"], p["v_hi"]),

@@ -40,7 +40,7 @@ class Linear:
 
     def side(self, side: str) -> Array:
         """Return the values of the framer "lo" or "hi"."""
-        return self.lo if side == "lo" else self.hi
+        return self.hi if side == "hi" else self.lo
 
     def label(self, side: str) -> str:
         """Return the name, with the framer's suffix where the two differ."""
@@ -101,6 +101,8 @@ class MapSpec:
     row_count : str
         Macro with the number of rows.
     names : Names
+    sides : tuple of str
+        "lo" and "hi"; or "" alone for a map of points, whose target, offset and state are the single ones.
     """
 
     name: str
@@ -120,10 +122,11 @@ class MapSpec:
     tail: tuple[str, ...]
     row_count: str
     names: Names
+    sides: tuple[str, ...] = ("lo", "hi")
 
     def target(self, side: str) -> str:
         """Return the C array that takes the bound "lo" or "hi"."""
-        return self.target_lo if side == "lo" else self.target_hi
+        return self.target_hi if side == "hi" else self.target_lo
 
 
 @dataclass(frozen=True)
@@ -157,7 +160,7 @@ class Straight:
     """One function of straight-line code.
 
     ``unused`` are parameters it does not need, ``prologue`` its first declarations, ``multiply`` and
-    ``add`` its floating-point operations.
+    ``add`` its floating-point operations, ``flash`` its bytes as estimated, to choose between layouts.
     """
 
     name: str
@@ -170,6 +173,7 @@ class Straight:
     tail: tuple[str, ...]
     multiply: int
     add: int
+    flash: int
 
 
 @dataclass(frozen=True)
@@ -203,6 +207,7 @@ class Loops:
     tail: tuple[str, ...]
     multiply: int
     add: int
+    flash: int
 
 
 @dataclass(frozen=True)
@@ -215,19 +220,23 @@ class Case:
 
 @dataclass(frozen=True)
 class Switch:
-    """The function that selects a mode's straight-line code; ``last`` serves the default branch too."""
+    """The function that selects a mode's straight-line code.
+
+    ``first`` is what all modes do before; ``last`` serves the default branch too.
+    """
 
     name: str
     equation: tuple[str, ...]
     parameters: tuple[str, ...]
     selector: str
+    first: tuple[str, ...]
     cases: tuple[Case, ...]
     last: Case
 
 
 @dataclass(frozen=True)
 class MapView:
-    """A map in its layout: straight-line functions, then a switch, or one function of loops."""
+    """A map in its layout: straight-line functions, then a switch between them, or one function of loops."""
 
     straights: tuple[Straight, ...] = ()
     loops: tuple[Loops, ...] = ()
@@ -237,4 +246,7 @@ class MapView:
     def operations(self) -> tuple[int, int]:
         """(multiplications, additions) of the dearest mode."""
         bodies = (*self.straights, *self.loops)
-        return max(b.multiply for b in bodies), max(b.add for b in bodies)
+        always = [b for b in bodies if any(b.name in line for s in self.switches for line in s.first)]
+        others = [b for b in bodies if b not in always]
+        return (sum(b.multiply for b in always) + max(b.multiply for b in others),
+                sum(b.add for b in always) + max(b.add for b in others))

@@ -1,4 +1,8 @@
-"""Drive the compiled observer over numpy arrays; the sample loop runs in C."""
+"""Drive the compiled observer over numpy arrays; the sample loop runs in C.
+
+The C reads the caller's arrays and writes the trace's: nothing is copied where an array is contiguous and of the
+C's type (u, y: the ``real`` of the design; q: uint32). Others are converted, or refused with ``copy=False``.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +40,7 @@ class Driver:
         self.ffi = ffi
         self.lib = lib
 
-    def run(self, u, y, q=None, theta=None, x0_lo=None, x0_hi=None) -> Trace:
+    def run(self, u, y, q=None, theta=None, x0_lo=None, x0_hi=None, copy: bool = True) -> Trace:
         """Run over K samples.
 
         Parameters
@@ -49,6 +53,8 @@ class Driver:
             The interval families have no scheduling parameter.
         x0_lo, x0_hi : ndarray (n_x,), optional
             Another initial box than the plant file's; rounded outward.
+        copy : bool
+            Convert u, y, q where they are not contiguous or not of the C's type; False: refuse them.
 
         Returns
         -------
@@ -57,22 +63,22 @@ class Driver:
         Raises
         ------
         ValueError
-            A shape or a type does not fit.
+            A shape or a type does not fit, or an array would have to be copied; names it, says what is expected.
         """
         y = np.asarray(y)
-        u = np.zeros((len(y), 0)) if u is None else np.asarray(u)
+        u = np.zeros((len(y), 0), self.real) if u is None else np.asarray(u)
         q = np.zeros(len(y), dtype=np.uint32) if q is None else np.asarray(q)
-        return self.run_many(u[None], y[None], q[None], x0_lo, x0_hi).row(0)
+        return self.run_many(u[None], y[None], q[None], x0_lo, x0_hi, copy).row(0)
 
-    def run_many(self, u, y, q, x0_lo=None, x0_hi=None) -> Trace:
-        """Run S observers over K samples each.
-
-        Arrays that are contiguous and of the C's type are passed without a copy.
+    def run_many(self, u, y, q, x0_lo=None, x0_hi=None, copy: bool = True) -> Trace:
+        """Run S observers over K samples each, e.g. many seeds or many scenarios.
 
         Parameters
         ----------
         u : ndarray (S, K, n_u), y : ndarray (S, K, n_y), q : ndarray (S, K) int
         x0_lo, x0_hi : ndarray (n_x,) or (S, n_x), optional
+        copy : bool
+            As for ``run``.
 
         Returns
         -------
@@ -82,35 +88,27 @@ class Driver:
         Raises
         ------
         ValueError
-            A shape or a type does not fit.
+            As for ``run``.
         """
         n_x, n_u, n_y = (self.record[n] for n in ("n_x", "n_u", "n_y"))
-        q = np.asarray(q)
+        q, dtype = np.asarray(q), np.dtype(self.real)
         if q.ndim != 2 or q.dtype.kind not in "iu":
             raise ValueError(f"q: {q.dtype} of shape {q.shape} (expected integers, one per sample)")
         runs, steps = q.shape
-        u = self._array("u", u, (runs, steps, n_u))
-        y = self._array("y", y, (runs, steps, n_y))
-        if q.dtype != np.uint32:
-            q = np.where((q < 0) | (q > NO_MODE), NO_MODE, q).astype(np.uint32)
-        dtype = np.dtype(self.real)
+        u = array("u", u, (runs, steps, n_u), dtype, copy)
+        y = array("y", y, (runs, steps, n_y), dtype, copy)
+        if copy and q.dtype != np.uint32:
+            q = np.where((q < 0) | (q > NO_MODE), NO_MODE, q)
+        q = array("q", q, (runs, steps), np.dtype(np.uint32), copy)
         boxes = [None if x0 is None else np.ascontiguousarray(np.broadcast_to(outward(x0, dtype, side), (runs, n_x)))
                  for x0, side in ((x0_lo, -np.inf), (x0_hi, np.inf))]
         trace = Trace.empty((runs, steps), n_x, n_y, dtype)
-        reads = [self._pointer(a) for a in (u, y, np.ascontiguousarray(q), *boxes)]
+        reads = [self._pointer(a) for a in (u, y, q, *boxes)]
         writes = [self._pointer(a, write=True) for a in (
             trace.x_lo, trace.x_hi, trace.r_lo, trace.r_hi, trace.alarm, trace.alarm_bits, trace.latched_bits,
             trace.raw_bits, trace.assured, trace.status)]
         self.lib.residua_run(runs, steps, *reads, *writes)
         return trace
-
-    def _array(self, name: str, values, shape: tuple[int, ...]) -> Array:
-        """Return a contiguous array of the C's type, the same object if it is one already."""
-        values = np.asarray(values)
-        if values.shape != shape:
-            raise ValueError(f"{name}: shape {values.shape} (expected {shape})")
-        with np.errstate(over="ignore"):  # what overflows becomes infinite, and is refused by the C
-            return np.ascontiguousarray(values, dtype=self.real)
 
     def _pointer(self, array: Array | None, write: bool = False):
         """Return the C pointer to an array (NULL for none), its type taken from the array's."""
@@ -118,3 +116,25 @@ class Driver:
             return self.ffi.NULL
         kind = {"f4": "float", "f8": "double", "u4": "uint32_t", "i8": "int64_t", "b1": "unsigned char"}
         return self.ffi.from_buffer(f"{kind[array.dtype.str[1:]]}[]", array, require_writable=write)
+
+
+def array(name: str, values, shape: tuple[int, ...], dtype: np.dtype, copy: bool) -> Array:
+    """Return a contiguous array of the C's type: the same object if it is one already.
+
+    Raises
+    ------
+    ValueError
+        Not of that shape; not real numbers; or it would have to be copied and must not be.
+    """
+    values = np.asarray(values)
+    if values.shape != shape:
+        raise ValueError(f"{name}: shape {values.shape} (expected {shape})")
+    if values.dtype.kind not in "fiub":
+        raise ValueError(f"{name}: {values.dtype} (expected real numbers, best {dtype})")
+    fits = values.dtype == dtype and values.flags.c_contiguous and values.flags.aligned
+    if not (copy or fits or values.size == 0):
+        order = "contiguous" if values.flags.c_contiguous else "not contiguous"
+        raise ValueError(f"{name}: {values.dtype}, {order} (expected {dtype}, contiguous: it would have to be copied). "
+                         f'Make it with np.require({name}, "{dtype}", "CA"), or allow copy=True.')
+    with np.errstate(over="ignore"):  # what overflows becomes infinite, and is refused by the C
+        return np.require(values, dtype, ["C", "A"])
