@@ -11,7 +11,7 @@ __version__ = "0.1.0"
 
 _WHERE = {
     "load": "codegen.plant.load", "loads": "codegen.plant.load", "plant_from": "codegen.plant.load",
-    "simulate": "codegen.plant.simulate", "design": "codegen.pipeline", "generate": "codegen.emit.package",
+    "simulate": "codegen.plant.simulate", "design": "codegen.pipeline", "generate": "codegen.pipeline",
     "build": "codegen.host.build", "read_design": "codegen.designs", "METHODS": "codegen.synthesis",
     "run": "codegen.pipeline",
 }

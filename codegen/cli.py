@@ -127,7 +127,7 @@ def design(plant, out, method, real):
 def generate(design_json, out, real, layout):
     """Print the C of a design; the same bytes every time."""
     from .designs import read_checked
-    from .emit.package import generate as emit
+    from .pipeline import generate as emit
 
     click.echo(f"wrote {emit(read_checked(design_json), out, real=real, layout=layout)}")
 
@@ -141,7 +141,7 @@ def validate(folder, names, seed):
     from .analysis.validate import validate as drive
     from .designs import read_checked
     from .host.build import build
-    from .pipeline import require
+    from .pipeline import broken, record, require
 
     made = read_checked(folder)
     with Progress() as progress:
@@ -149,6 +149,7 @@ def validate(folder, names, seed):
         driver = build(folder)
         outcomes = drive(made, driver, list(names), seed, progress)
     show.outcomes(made, outcomes)
+    show.recorded(record(folder, "validation", (outcomes, broken(made, driver.real, outcomes), made.plant.scenarios)))
     if not outcomes:
         raise ValidationError(f"{folder}: the plant file has no scenario, expected at least one. Add a [[scenario]].")
     require(made, driver.real, outcomes)
@@ -164,17 +165,35 @@ def certify(design_json):
     show.proved(made, recheck(made))
 
 
+@main.command(context_settings=HELP)
+@click.argument("folder", type=click.Path(path_type=Path))
+def assurance(folder):
+    """Check assurance.json against the C and the design beside it; show claims and checks."""
+    from .pipeline import check_assurance
+
+    show.assurance(check_assurance(folder))
+
+
 @main.command("prove", context_settings=HELP)
 @click.argument("folder", type=click.Path(path_type=Path))
 def prove_(folder):
-    """Prove the C with Frama-C: no run-time error, all numbers finite, a box that no call leaves."""
+    """Prove the C: no run-time error and a box that no call leaves (Frama-C), rounding within its margins (Gappa)."""
+    from .pipeline import record
+    from .target.gappa import prove_rounding, require_rounding
     from .target.prove import prove, require
 
     with Progress() as progress:
         progress("Frama-C Eva")
         result = prove(folder)
     show.proof(result)
+    show.recorded(record(folder, "prove", result))
     require(result)
+    with Progress() as progress:
+        progress("Gappa")
+        margins = prove_rounding(folder)
+    show.margins(margins)
+    show.recorded(record(folder, "rounding", margins))
+    require_rounding(margins)
 
 
 @main.command(context_settings=HELP)
@@ -201,11 +220,13 @@ def replay(folder, log, out):
 def target(folder, names):
     """Run the self-test on simulated boards; count instructions, flash and stack."""
     from .emit.render import template_root
+    from .pipeline import record
     from .target.onboard import require, run_all
 
     with Progress() as progress:
         runs = run_all(folder, names, template_root() / "harness" / "board", progress)
     show.target(runs)
+    show.recorded(record(folder, "target", runs))
     require(runs)
 
 
@@ -217,6 +238,7 @@ def target(folder, names):
 def fuzz_(folder, runs, seconds, seed):
     """Feed the C with random states and calls under sanitizers (libFuzzer)."""
     from .emit.fuzzing import fuzz_harness
+    from .pipeline import record
     from .target.fuzz import fuzz, read_record, require
 
     harness = fuzz_harness(read_record(folder))
@@ -224,6 +246,7 @@ def fuzz_(folder, runs, seconds, seed):
         progress("fuzzing")
         found = fuzz(folder, harness, runs or (None if seconds else 50000), seconds, seed)
     show.fuzzed(found)
+    show.recorded(record(folder, "fuzz", found))
     require(found)
 
 

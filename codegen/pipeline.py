@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .analysis.validate import Outcome, validate
-from .designs import Design
+from .designs import Design, read_checked
 from .errors import EmitError, ValidationError
 from .plant.load import load
 from .plant.model import Plant
@@ -82,33 +82,124 @@ def run(plant, out=None, method: str | None = None, real: str | None = None, lay
         Any step; then nothing is left at ``out`` that was not there before.
     """
     # Here and not above: design() alone needs neither templates nor matplotlib.
-    from .emit.package import check_place, generate, publish
+    from .assurance import document
+    from .emit import package
     from .host.build import build
     from .report.page import write_report
 
     plant = plant if isinstance(plant, Plant) else load(plant)
     progress(f"plant {plant.name}: {plant.n_x} states, {plant.n_modes} modes")
     if out is not None:  # before minutes of synthesis, not after
-        check_place(Path(out))
+        package.check_place(Path(out))
         shutil.rmtree(staging(Path(out)))
     target = replace(plant.target, real=real or plant.target.real, layout=layout or plant.target.layout)
     made = design(replace(plant, target=target), method, progress)
     final = Path(out) if out else Path.cwd() / f"{plant.name}_{made.method}"
-    check_place(final)
+    package.check_place(final)
     stage = staging(final)
     try:
         progress("printing C")
-        folder = generate(made, stage / final.name, real=target.real, layout=target.layout)
+        folder = package.generate(made, stage / final.name, real=target.real, layout=target.layout)
+        progress("reading the C back")
+        document.write(folder, made)
         progress("compiling")
         driver = build(folder)
         outcomes = validate(made, driver, progress=progress)
         progress("writing the report")
+        document.update(folder, "validation", (outcomes, broken(made, driver.real, outcomes), plant.scenarios),
+                        lambda: made)
         write_report(folder, made, driver, outcomes)
         require(made, driver.real, outcomes)
-        publish(folder, final)
+        package.publish(folder, final)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
     return Result(final, made, outcomes)
+
+
+def generate(design: Design, out, real: str | None = None, layout: str | None = None) -> Path:
+    """Write the output folder of a design: C, design.json, resources.json, assurance.json.
+
+    Parameters
+    ----------
+    design : Design
+    out : str or Path
+        Folder; appears whole or not at all. One that residua made is replaced, any other is refused. Files
+        of others in it are kept.
+    real : {"float32", "float64"}, optional
+        Default: the plant file's.
+    layout : {"literal", "table", "loop"}, optional
+        Default: the plant file's.
+
+    Returns
+    -------
+    folder : Path
+
+    Raises
+    ------
+    EmitError
+        The folder exists and is not ours, or cannot be written.
+    CertificateError
+        The C that was printed does not hold the constants of the design.
+    ToolError
+        gcc is missing or refuses the C.
+    """
+    from .assurance import document
+    from .emit import package
+
+    final = Path(out)
+    package.check_place(final)
+    stage = staging(final)
+    try:
+        folder = package.generate(design, stage / final.name, real=real, layout=layout)
+        document.write(folder, design)
+        return package.publish(folder, final)
+    except OSError as error:
+        raise EmitError(f"{final}: {error.strerror or error}. Choose a folder that can be written.") from error
+    finally:
+        shutil.rmtree(stage, ignore_errors=True)
+
+
+def record(folder, check: str, result) -> str:
+    """Enter a command's result in the folder's assurance.json.
+
+    Parameters
+    ----------
+    folder : path
+    check : str
+        Key of ``assurance.checks.CHECKS``.
+    result : object
+        See ``assurance.checks.outcome``.
+
+    Returns
+    -------
+    problem : str
+        Why it could not be entered, or what is wrong with the file; empty where all is well.
+    """
+    from .assurance import document
+
+    return document.update(folder, check, result, lambda: read_checked(folder))
+
+
+def check_assurance(folder) -> dict:
+    """Check that the assurance.json of a folder is true of the files beside it.
+
+    Parameters
+    ----------
+    folder : path
+
+    Returns
+    -------
+    document : dict
+        See ``codegen.assurance``.
+
+    Raises
+    ------
+    CertificateError
+        The design does not certify, or the file differs from what it should say: names the first difference.
+    """
+    from .assurance import document
+
+    return document.verify(folder, read_checked(folder))
 
 
 def staging(final: Path) -> Path:
@@ -152,4 +243,13 @@ def require(made: Design, real: str, outcomes: list[Outcome]) -> None:
                                   "the declared bounds, and do they hold on the real plant?")
 
 
-__all__ = ["Design", "Result", "design", "require", "run"]
+def broken(made: Design, real: str, outcomes: list[Outcome]) -> str:
+    """Say which promise ``require`` finds broken; empty where all are kept."""
+    try:
+        require(made, real, outcomes)
+    except ValidationError as error:
+        return str(error)
+    return ""
+
+
+__all__ = ["Design", "Result", "broken", "check_assurance", "design", "generate", "record", "require", "run"]

@@ -175,9 +175,13 @@ def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], No
     def settled(c: Candidate):
         return quick.settled(quick.tables(c.L, c.N))
 
+    def told(text: str):
+        best = min((t.threshold(scale) for t in trials), default=np.inf)
+        so_far = f", best threshold {best:.3g}" if np.isfinite(best) else ""
+        progress(f"{name}: {text} ({len(trials)} certified{so_far})")
+
     for c in METHODS[name].module.candidates(plant, options=options, judge=quick if plant.f and quick else None,
-                                             settled=settled,
-                                             progress=lambda text: progress(f"{name}: {text}")):
+                                             settled=settled, progress=told):
         count += 1
         try:
             gains = both_sides(c, plant, METHODS[name].module)
@@ -193,7 +197,7 @@ def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], No
     if plant.kind == "continuous":
         raise DesignError(period_words(plant, name))
     raise DesignError(f"{plant.name}: T A - L C can be made nonnegative in every mode, but no gains make all modes "
-                      f'decay together ("{name}", {", ".join(options.get("criterion", "all criteria").split())}). '
+                      f'decay together ("{name}", {options.get("criterion", "all criteria")}). '
                       'Declare switching.average_dwell with lyapunov = "multiple", or measure another state.')
 
 

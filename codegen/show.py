@@ -142,6 +142,14 @@ def proof(result) -> None:
               f"reached, {len(result.alarms)} alarms (Frama-C {result.version})")
 
 
+def margins(result) -> None:
+    """Print what Gappa proved about rounding, and what it did not."""
+    for alarm in result.alarms[:20]:
+        out.print(f"not proved: {alarm}", markup=False)
+    out.print(f"rounding of {result.rows} sums {'within' if result.proved else 'not shown to be within'} the margins "
+              f"of their offsets, in {result.seconds:.1f} s (Gappa {result.version})", markup=False)
+
+
 def methods(entries) -> None:
     """Print METHODS."""
     rows = table("methods", "method", "what", "plants", "source")
@@ -162,3 +170,24 @@ def fuzzed(found) -> None:
     """What fuzzing ran."""
     out.print(f"{found.folder}: {found.runs} sequences of calls, {found.edges} edges of the code reached, "
               f"{'a failure' if found.message else 'no failure'}")
+
+
+def assurance(document: dict) -> None:
+    """Print what an assurance file says: claims with their tightest margin and lines, then the checks."""
+    rows = table("claims", "claim", "what", "tightest margin", "lines of C")
+    for c in document["claims"]:
+        least = min((m["margin"] for m in c["margins"]), default=None)
+        places = [f"{file}: {', '.join(str(a) if a == b else f'{a}-{b}' for a, b in spans)}"
+                  for file, spans in c["lines"].items() if spans]
+        rows.add_row(c["id"], c["claim"], number(least), "; ".join(places) or "-")
+    out.print(rows)
+    rows = table("\nchecks", "check", "state", "what", "tool, or the command that runs it")
+    for e in document["checks"]:
+        rows.add_row(e["id"], e["state"], e["what"], e["tool"] if e["state"] in ("passed", "failed") else e["command"])
+    out.print(rows)
+
+
+def recorded(problem: str) -> None:
+    """Say where a result could not be entered in assurance.json."""
+    if problem:
+        out.print(f"note: {problem}", markup=False)

@@ -10,6 +10,7 @@ framers have settled, and again after each recovery.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -100,7 +101,7 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
         within -= 1
     switching = None if cert["kind"] != "linf" else limited(cert)
     paths = sequences(plant.n_modes, before + within + 1, switching)
-    result = [along(model, paths, j, before, tails).max(axis=1) for j in range(plant.n_f)]
+    result = thresholds(model, beginnings(paths, before), range(plant.n_f), before, tails).max(axis=2)
     # Delays that were too many to look at: what is found by an earlier one is found by then too.
     return [SureFault(f.name, f.unit, tuple(float(by[min(d, len(by) - 1)]) for d in range(len(infinite))))
             for f, by in zip(plant.f, result)]
@@ -121,18 +122,40 @@ def along(m: ResidualModel, paths: Array, channel: int, onset: int, tails: tuple
     ndarray (paths.shape[1] - onset, S)
         Worse of the two signs of the fault; decreasing along the first axis.
     """
-    best = {+1: np.full(len(paths), np.inf), -1: np.full(len(paths), np.inf)}
-    rows = []
-    for stop in range(onset + 1, paths.shape[1] + 1):
-        head, inverse = np.unique(paths[:, :stop], axis=0, return_inverse=True)
-        g_hi, g_lo = fault_response(m, head, channel, onset)
+    return thresholds(m, beginnings(paths, onset), [channel], onset, tails)[0]
+
+
+def beginnings(paths: Array, onset: int) -> list[tuple[Array, Array]]:
+    """For each delay the different sequences up to it, and which of them each path begins with."""
+    found = (np.unique(paths[:, :stop], axis=0, return_inverse=True) for stop in range(onset + 1, paths.shape[1] + 1))
+    return [(head, inverse.ravel()) for head, inverse in found]
+
+
+def thresholds(m: ResidualModel, heads: list[tuple[Array, Array]], channels: Sequence[int], onset: int,
+               tails: tuple[Array, Array]) -> Array:
+    """As ``along`` for several channels at once: what the disturbance can do is the same for all of them.
+
+    Parameters
+    ----------
+    heads : list of (ndarray (H, onset + d + 1), ndarray (S,))
+        Of ``beginnings``.
+
+    Returns
+    -------
+    ndarray (len(channels), len(heads), S)
+    """
+    best = np.full((len(channels), 2, len(heads[0][1])), np.inf)
+    out = np.empty((len(channels), len(heads), best.shape[2]))
+    for d, (head, inverse) in enumerate(heads):
         above, below = extremes(m, head, *tails)
-        for sign in (+1, -1):
-            down, up = -sign * g_hi, sign * g_lo
-            with np.errstate(divide="ignore", invalid="ignore"):
-                needed = np.minimum(np.where(down > 1e-12 * above, above / down, np.inf),
-                                    np.where(up > 1e-12 * below, below / up, np.inf)).min(axis=1)
-            best[sign] = np.minimum(best[sign], needed[inverse.ravel()])
-        rows.append(np.maximum(best[+1], best[-1]))
+        for j, channel in enumerate(channels):
+            g_hi, g_lo = fault_response(m, head, channel, onset)
+            for s, sign in enumerate((+1, -1)):
+                down, up = -sign * g_hi, sign * g_lo
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    needed = np.minimum(np.where(down > 1e-12 * above, above / down, np.inf),
+                                        np.where(up > 1e-12 * below, below / up, np.inf)).min(axis=1)
+                best[j, s] = np.minimum(best[j, s], needed[inverse])
+            out[j, d] = best[j].max(axis=0)
     # The recursion runs in double precision; a part in a million covers its own rounding generously.
-    return np.array(rows) * (1 + 1e-6)
+    return out * (1 + 1e-6)

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..algebra.interval import support
 from .adjoint import ResidualModel
-from .detectability import along, sequences
+from .detectability import beginnings, sequences, thresholds
 
 Array = np.ndarray
 
@@ -35,7 +35,7 @@ class QuickJudge:
         lo, hi = plant.limits("x")
         self.x_scale = np.maximum(hi - lo, 1e-300)
         self.before = 6 if plant.n_modes == 1 else 1
-        self.paths = sequences(plant.n_modes, self.before + self.within + 1, None)
+        self.heads = beginnings(sequences(plant.n_modes, self.before + self.within + 1, None), self.before)
         self.stack = {k: np.stack([getattr(m, k) for m in plant.modes])
                       for k in ("A", "C", "Bw", "Dv", "w_lo", "w_hi", "v_lo", "v_hi")}
 
@@ -83,8 +83,8 @@ class QuickJudge:
         if z is None or np.min(t.M_hi) < -1e-6 * max(1.0, np.abs(t.M_hi).max()):
             return np.inf, np.inf, np.inf
         model = ResidualModel.of(self.plant.modes, t)
-        last = np.array([along(model, self.paths, j, self.before, (z, z))[-1] / scale
-                         for j, scale in enumerate(self.f_scale)])
+        last = thresholds(model, self.heads, range(len(self.f_scale)), self.before, (z, z))[:, -1]
+        last = last / self.f_scale[:, None]
         last = np.maximum(last, 1e-9)  # without disturbance and noise every fault shows
         typical = np.exp(np.mean(np.log(last))) if np.all(np.isfinite(last)) else np.inf
         return float(last.max()), float(typical), float(np.sum(2 * z / self.x_scale))

@@ -145,13 +145,36 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
     list of Outcome
     """
     plant = design.plant
-    out = []
-    for scenario in plant.scenarios:
-        if names and scenario.name not in names:
-            continue
+    scenarios = [s for s in plant.scenarios if not names or s.name in names]
+    truths = []
+    for scenario in scenarios:
         progress(f'scenario "{scenario.name}"')
-        truth = simulate(plant, scenario, seed=seed)
-        trace = driver.run(u=truth.u, y=truth.y, q=truth.q, theta=truth.theta)
-        reference = design.observer.run(u=truth.u, y=truth.y, q=truth.q, theta=truth.theta, real=driver.real)
-        out.append(judge(plant, scenario, truth, trace, trace.differs(reference)))
+        truths.append(simulate(plant, scenario, seed=seed))
+    if not truths:
+        return []
+    progress(f"driving {len(truths)} scenarios, {max(len(t.q) for t in truths)} samples at most")
+    u, y, q, theta = side_by_side(truths)
+    traces, references = (driver.run_many(u, y, q, theta=theta),
+                          design.observer.run_many(u, y, q, driver.real, theta=theta))
+    out = []
+    for i, (scenario, truth) in enumerate(zip(scenarios, truths)):
+        own = (i, slice(len(truth.q)))
+        trace = traces.row(own)
+        out.append(judge(plant, scenario, truth, trace, trace.differs(references.row(own))))
     return out
+
+
+def side_by_side(truths: list[PlantTrace]) -> tuple[Array, Array, Array, Array]:
+    """Inputs, outputs, modes and parameters of runs of different lengths, for one call; the short ones end in missing samples.
+
+    Returns
+    -------
+    u : ndarray (S, K, n_u), y : ndarray (S, K, n_y), q : ndarray (S, K) int, theta : ndarray (S, K, n_theta)
+    """
+    steps = max(len(t.q) for t in truths)
+
+    def padded(name: str, tail: float) -> Array:
+        columns = [getattr(t, name) for t in truths]
+        return np.stack([np.concatenate([c, np.full((steps - len(c), *c.shape[1:]), tail, c.dtype)]) for c in columns])
+
+    return padded("u", 0.0), padded("y", np.nan), padded("q", 0), padded("theta", 0.0)

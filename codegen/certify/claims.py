@@ -46,7 +46,8 @@ def prove(modes, t, proof: dict) -> dict:
     CertificateError
         A condition fails on the emitted constants.
     """
-    model = ErrorModel(modes, t)
+    exact = Containment(modes, t)
+    model = ErrorModel(modes, t, exact)
     names = [m.name for m in modes]
     cert = {k: v for k, v in proof.items() if k != "mu"}
     if proof["kind"] == "linf":
@@ -72,7 +73,7 @@ def prove(modes, t, proof: dict) -> dict:
     if proof["kind"] == "box" and cert["steady_box"] is None:
         raise CertificateError("certificate: no box holds the framer errors of all modes on the rounded constants. "
                                'Try criterion = "linf" with lyapunov = "multiple" and a dwell time.')
-    check(modes, t, cert)
+    _check(modes, t, cert, exact, model)
     return cert
 
 
@@ -84,9 +85,14 @@ def check(modes, t, cert: dict) -> list[str]:
     CertificateError
         Naming the condition, the mode and by how much it fails.
     """
+    exact = Containment(modes, t)
+    return _check(modes, t, cert, exact, ErrorModel(modes, t, exact))
+
+
+def _check(modes, t, cert: dict, exact: Containment, model: ErrorModel) -> list[str]:
+    """``check`` with the exact data of these tables, which is dear: one for all conditions."""
     names = [m.name for m in modes]
-    claims = [_nonnegative(modes, t, names), _contained(modes, t, names), _bounded(modes, t)]
-    model = ErrorModel(modes, t)
+    claims = [_nonnegative(t, exact, names), _contained(t, exact, names), _bounded(t, exact)]
     if cert["kind"] == "linf":
         level2 = check_linf(model, t, cert, names)["error_bound2"]
         if Q(cert["level"]) ** 2 < level2:
@@ -182,8 +188,7 @@ def floats(A) -> np.ndarray:
     return np.array([float(x) for x in A.ravel()]).reshape(A.shape)
 
 
-def _nonnegative(modes, t, names) -> str:
-    exact = Containment(modes, t)
+def _nonnegative(t, exact: Containment, names) -> str:
     worst = fmpq(0)
     for side in SIDES:
         for q, name in enumerate(names):
@@ -202,8 +207,8 @@ def _nonnegative(modes, t, names) -> str:
     return f"T A - L C >= 0 {where}; {rest}"
 
 
-def _contained(modes, t, names) -> str:
-    for name, q, side, demands in Containment(modes, t).offsets():
+def _contained(t, exact: Containment, names) -> str:
+    for name, q, side, demands in exact.offsets():
         values = getattr(t, f"{name}_{side}")[q]
         for i, demand in enumerate(demands):
             lack = demand.shortfall(Q(values[i]) * (1 if side == "hi" else -1), t.real)
@@ -214,13 +219,13 @@ def _contained(modes, t, names) -> str:
             f"({t.real}, with or without fused multiply-add)")
 
 
-def _bounded(modes, t) -> str:
+def _bounded(t, exact: Containment) -> str:
     reach = np.max(np.abs([t.x_lo, t.x_hi, t.x0_lo, t.x0_hi]), axis=0)
     if np.any(reach > t.box):
         raise CertificateError("certificate: the state box does not contain the declared ranges.")
     if t.clamp:
         return "the framers are cut to the declared ranges, so they are bounded"
-    if not box_holds(modes, t):
+    if not box_holds(t, exact):
         raise CertificateError("certificate: the framers can leave the state box behind the rounding margins.")
     return "the framers cannot leave the state box, whatever the inputs within their ranges"
 

@@ -95,6 +95,7 @@ class Containment:
         self.y_err = np.array([input_error(b, t.real) for b in self.y_max], dtype=object)
         # The physical u may lie half a unit beyond the table's rounded limit.
         self.u_true = self.u_max + self.u_err
+        self._updates: dict[tuple[int, str], list[Demand]] = {}
 
     def scheduled(self, q: int, side: str) -> Scheduled:
         """The tables of one mode and framer with their dependence on theta."""
@@ -109,7 +110,12 @@ class Containment:
         return T, *s.leftover(T)
 
     def update(self, q: int, side: str) -> list[Demand]:
-        """Demands on d_hi[q] (side "hi") or -d_lo[q] (side "lo"), one per state."""
+        """Demands on d_hi[q] (side "hi") or -d_lo[q] (side "lo"), one per state; they do not depend on d."""
+        if (q, side) not in self._updates:
+            self._updates[q, side] = self._update(q, side)
+        return self._updates[q, side]
+
+    def _update(self, q: int, side: str) -> list[Demand]:
         p, sign, s = self.exact[q], (1 if side == "hi" else -1), self.scheduled(q, side)
         T, EM, EG = self.leftover(q, side)
         disturbance = sup(sign * product(T, p["Bw"]), p["w_lo"], p["w_hi"])

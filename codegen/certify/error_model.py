@@ -31,6 +31,8 @@ class ErrorModel:
     modes : sequence
         The plant's modes.
     t : FramerTables
+    exact : Containment, optional
+        Of the same tables, where the caller has it already.
 
     Attributes
     ----------
@@ -46,10 +48,9 @@ class ErrorModel:
         Largest squared norm of the stacked disturbance [b without noise; Dv v; Dv v+] over all modes.
     """
 
-    def __init__(self, modes, t):
+    def __init__(self, modes, t, exact: Containment | None = None):
         self.t = t
-        exact = Containment(modes, t)
-        self.exact = exact
+        exact = exact or Containment(modes, t)
         parts = {s: [exact.scheduled(q, s) for q in range(len(modes))] for s in ("hi", "lo")}
         corners = {s: [(q, M, L) for q, part in enumerate(parts[s])
                        for M, L in zip(part.M.corners(), part.L.corners())] for s in ("hi", "lo")}

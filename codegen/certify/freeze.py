@@ -64,8 +64,10 @@ def freeze(tables_class, modes, limits: dict, gains: dict, real: str):
     draft = with_offsets(modes, draft)
     box = invariant_box(draft, reach)
     if box is not None:
-        free = with_offsets(modes, _replace(draft, clamp=False, box=box))
-        if box_holds(modes, free):
+        free = _replace(draft, clamp=False, box=box)
+        exact = Containment(modes, free)
+        free = with_offsets(modes, free, exact)
+        if box_holds(free, exact):
             return free
     return draft
 
@@ -201,10 +203,11 @@ def _replace(t, **changes):
     return type(t)(**{**{name: getattr(t, name) for name in t.__dataclass_fields__}, **changes})
 
 
-def with_offsets(modes, t):
+def with_offsets(modes, t, exact: Containment | None = None):
     """Return the tables with the smallest sound offsets for their constants and box."""
+    exact = exact or Containment(modes, t)
     new = {name + "_" + side: np.array(getattr(t, name + "_" + side)) for name in "dac" for side in SIDES}
-    for name, q, side, demands in Containment(modes, t).offsets():
+    for name, q, side, demands in exact.offsets():
         new[f"{name}_{side}"][q] = [sound_offset(d, t.real) * (1 if side == "hi" else -1) for d in demands]
     return _replace(t, **new)
 
@@ -245,10 +248,12 @@ def invariant_box(t, reach: Array) -> Array | None:
     return np.array([up(Q(x), t.real) for x in solved.x * scale * (1 + 1e-6)], dtype=t.real)
 
 
-def box_holds(modes, t) -> bool:
-    """Exact check that no framer can leave the box: |computed sum| <= box for every mode, row and side."""
-    exact = Containment(modes, t)
-    for q in range(len(modes)):
+def box_holds(t, exact: Containment) -> bool:
+    """Exact check that no framer can leave the box: |computed sum| <= box for every mode, row and side.
+
+    ``exact`` may be that of tables with other offsets: these are read from ``t``.
+    """
+    for q in range(len(exact.modes)):
         for side in SIDES:
             offsets = getattr(t, "d_" + side)[q]
             for i, demand in enumerate(exact.update(q, side)):

@@ -19,15 +19,16 @@ class LoopPrinter:
         self.tables: list[Table] = []
         self.multiply = 0
         self.numbers = 0
+        self.apart = spec.shared and len(spec.sides) > 1  # the common part is a sum of its own
 
     def loops(self) -> Loops:
         """Print the whole function."""
         spec, names = self.spec, self.spec.names
-        sums = ("common",) if spec.shared else tuple(map(_total, spec.sides))
+        sums = ("common",) if self.apart else tuple(map(_total, spec.sides))
         inner = tuple(i for part in spec.common for i in self._common(part))
         stages = [Stage(tuple(f"{names.real_type} {s} = {literal(0.0, names.real)};" for s in sums), inner)]
-        starts = {side: [*["common"] * (spec.shared and bool(inner)), *self._offset(side)] for side in spec.sides}
-        if spec.shared or not inner:
+        starts = {side: [*["common"] * (self.apart and bool(inner)), *self._offset(side)] for side in spec.sides}
+        if self.apart or not inner:
             stages = stages if inner else []
             lines = tuple(f"{names.real_type} {_total(side)} = {' + '.join(start) or literal(0.0, names.real)};"
                           for side, start in starts.items())
@@ -40,8 +41,8 @@ class LoopPrinter:
         prologue = (f"const uint32_t q = {spec.index};",) if by_mode else ()
         text = [line for stage in stages for line in (*stage.lines, *(u for i in stage.inner for u in i.updates))]
         add = self.multiply + len(spec.rows) * len(spec.sides) * (2 if spec.minus else 1)
-        return Loops(spec.name, spec.equation, spec.parameters, unused(spec, [*text, *prologue]),
-                     tuple(self.tables), prologue, spec.row_count, tuple(stages), spec.tail, self.multiply, add, self._flash(stages))
+        return Loops(spec.name, spec.equation, spec.parameters, unused(spec, [*text, *prologue]), tuple(self.tables),
+                     prologue, spec.row_count, tuple(stages), spec.tail, self.multiply, add, self._flash(stages))
 
     def _flash(self, stages: list[Stage]) -> int:
         """Estimate the bytes of code and constants on a Cortex-M4F at -Os: as measured, within a tenth or two."""
@@ -74,7 +75,7 @@ class LoopPrinter:
         """Print the loop that adds K v; none if K is zero in every mode."""
         if not (np.any(part.lo) or np.any(part.hi)):
             return []
-        sides = {"common": "hi"} if self.spec.shared else {_total(side): side for side in self.spec.sides}
+        sides = {"common": "hi"} if self.apart else {_total(side): side for side in self.spec.sides}
         cells = {total: self._entry(part.label(side), part.side(side), part.count) for total, side in sides.items()}
         self.multiply += len(cells) * part.lo[0].size
         return [Inner(part.count, tuple(f"{total} += ({cell} * {part.operand}[j]);"

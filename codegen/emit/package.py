@@ -14,6 +14,7 @@ from .. import __version__
 from ..errors import EmitError
 from ..target import metrics
 from . import golden
+from .gappa import rounding
 from .harness import harness
 from .render import render
 from .view import DesignView, build
@@ -54,6 +55,7 @@ def files(design, real: str | None = None, layout: str | None = None, measure: b
            f"test_{d.prefix}.c": render("harness/test.c.jinja", d=d, vectors=golden.vectors(design, d.real),
                                         refusals=golden.refusals(t, d.macro), spare=spare),
            f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d)),
+           f"rounding_{d.prefix}.g": render("harness/rounding.g.jinja", d=d, g=rounding(design, d)),
            "CMakeLists.txt": render("package/CMakeLists.txt.jinja", d=d)}
     record = resources(d, design) | {"measured": metrics.measure(out, d.prefix) if measure else {}}
     return out | {"resources.json": json.dumps(record, indent=2) + "\n"}
@@ -175,7 +177,7 @@ def publish(made: str | Path, folder: str | Path) -> Path:
             raise
         aside.rename(made)
     # Of the same name as a new file, or a report: belongs to the old design.
-    replaced = {p.name for p in folder.iterdir()} | {"report.html"} | _own_files(made)
+    replaced = {p.name for p in folder.iterdir()} | {"report.html", "assurance.json"} | _own_files(made)
     for foreign in [p for p in made.iterdir() if p.name not in replaced]:
         foreign.rename(folder / foreign.name)
     return folder
@@ -187,7 +189,7 @@ def _own_files(made: Path) -> set[str]:
         prefix = json.loads((made / "resources.json").read_text(encoding="ascii"))["prefix"]
     except (OSError, ValueError, KeyError, TypeError):
         return set()
-    return {f"{prefix}.c", f"{prefix}.h", f"test_{prefix}.c", f"prove_{prefix}.c"}
+    return {f"{prefix}.c", f"{prefix}.h", f"test_{prefix}.c", f"prove_{prefix}.c", f"rounding_{prefix}.g"}
 
 
 def _exchange(a: Path, b: Path) -> bool:

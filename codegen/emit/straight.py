@@ -90,9 +90,8 @@ def _statements(spec: MapSpec, i: int, sums: list[tuple[str, list[Term]]]) -> tu
     real, stores = spec.names.real, []
     if len(spec.sides) > 1 and any("(k[" in text for _, terms in sums[-2:] for _, text in terms):
         stores = [Statement(target, (f"{side}_{i}",)) for side, (target, _) in zip(spec.sides, sums[-2:])]
-        bounds_of = [(f"const {spec.names.real_type} {side}_{i}", terms) for side, (_, terms) in
-                     zip(spec.sides, sums[-2:])]
-        sums = [*sums[:-2], *bounds_of]
+        known = [(f"const {spec.names.real_type} {s}_{i}", terms) for s, (_, terms) in zip(spec.sides, sums[-2:])]
+        sums = [*sums[:-2], *known]
     return (*(Statement(target, sum_lines(terms, real)) for target, terms in sums), *stores)
 
 

@@ -14,6 +14,7 @@ from .table import Fact, Folded, Link, Table, table
 FILES = {
     "design.json": "the frozen design: plant, constants, certificate",
     "resources.json": "sizes, operations, flash and stack, for machines",
+    "assurance.json": "each claim: plant entries, condition, constants, lines of the C, checks and their results",
     "CMakeLists.txt": "builds the observer as a library, and its test",
 }
 
@@ -133,6 +134,7 @@ def provenance(design, real: str, layout: str, prefix: str) -> tuple[Fact, ...]:
             Fact("Certificate, sha256", design.digest, "mono"),
             Fact("Make the C again, byte for byte", generate, "mono"),
             Fact("Check the certificate again", "residua certify design.json", "mono"),
+            Fact("Check assurance.json against the C", "residua assurance .", "mono"),
             Fact("Run the scenarios again", "residua validate .", "mono"),
             Fact("Replay a recorded log", "residua replay . log.csv", "mono"))
 
@@ -152,7 +154,8 @@ def links(folder: Path, prefix: str) -> tuple[Link, ...]:
     """
     known = FILES | {f"{prefix}.h": "the interface, and the manual", f"{prefix}.c": "the observer",
                      f"test_{prefix}.c": "unit test with vectors of the reference; runs on the target too",
-                     f"prove_{prefix}.c": "harness for Frama-C: residua prove"}
+                     f"prove_{prefix}.c": "harness for Frama-C: residua prove",
+                     f"rounding_{prefix}.g": "rounding of every sum, for Gappa: residua prove"}
     names = sorted(p.name for p in Path(folder).iterdir() if p.is_file())
     return tuple(Link(name, known.get(name, "")) for name in names
                  if name != "report.html" and not name.startswith(".") and not name.endswith(".part"))

@@ -12,7 +12,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
 from ..analysis.validate import Outcome
 from ..emit.render import template_root
 from ..errors import EmitError
-from . import firmware_words, outcome_words, plant_words, plots
+from . import assurance_words, firmware_words, outcome_words, plant_words, plots
+from .assurance_words import AssuranceWords
 from .design_words import DesignWords, words_of
 from .table import Fact, Folded, Link, Plot, Table
 from .verdict import Verdict, verdict
@@ -45,6 +46,7 @@ class ReportView:
     cost_facts: tuple[Fact, ...]
     cost_tables: tuple[Table, ...]
     gains: tuple[Folded, ...]
+    assurance: AssuranceWords
     provenance: tuple[Fact, ...]
     files: tuple[Link, ...]
 
@@ -95,6 +97,7 @@ def view(folder: Path, design, driver, outcomes: list[Outcome]) -> ReportView:
         design=words_of(design, real), validation=(outcome_words.validation_table(outcomes),) if outcomes else (),
         scenarios=tuple(_scenario(design, real, i, o) for i, o in enumerate(outcomes)),
         cost_facts=cost_facts, cost_tables=cost_tables, gains=firmware_words.gains(design, real),
+        assurance=assurance_words.words_of(folder),
         provenance=firmware_words.provenance(design, real, driver.layout, driver.prefix),
         files=firmware_words.links(folder, driver.prefix))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from decimal import ROUND_CEILING, ROUND_HALF_EVEN, Decimal
+from decimal import ROUND_CEILING, ROUND_FLOOR, ROUND_HALF_EVEN, Decimal
 
 NONE = "–"
 THIN = "\u202f"  # narrow no-break space, between a number and its unit
@@ -42,6 +42,11 @@ def number(x: float | None, digits: int = 4, rounding: str = ROUND_HALF_EVEN) ->
 def at_most(x: float | None, digits: int = 4) -> str:
     """Print an upper bound: rounded up, so that what is printed holds too."""
     return number(x, digits, ROUND_CEILING)
+
+
+def at_least(x: float | None, digits: int = 3) -> str:
+    """Print a lower bound: rounded down, so that what is printed holds too."""
+    return number(x, digits, ROUND_FLOOR)
 
 
 def quantity(text: str, unit: str) -> str:

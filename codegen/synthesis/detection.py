@@ -166,7 +166,7 @@ def gain_caps(problem: Problem, q: int, cap: float) -> Array:
 
 
 def search(problem: Problem, start: Array, seen: tuple[int, ...], cap: float, evaluations: int,
-           judge: Judge):
+           judge: Judge, progress: Callable[[str], None]):
     """Nelder-Mead over log z from a valid box; each z gives gains by LP, and ``judge`` their threshold.
 
     Parameters
@@ -175,6 +175,8 @@ def search(problem: Problem, start: Array, seen: tuple[int, ...], cap: float, ev
         For each channel the output at which the LP aims.
     judge : callable
         Thresholds and width of given gains.
+    progress : callable
+        Told now and then how many boxes were tried, and the best threshold so far.
 
     Returns
     -------
@@ -184,8 +186,14 @@ def search(problem: Problem, start: Array, seen: tuple[int, ...], cap: float, ev
     s = signature(problem) * problem.f_scale
     noise2 = 2.0 * np.einsum("qyv,v->qy", np.abs(problem.Dv), problem.v_half)
     best = [np.inf, None, None, start]
+    tried, reached = 0, np.inf
 
     def cost(log_z):
+        nonlocal tried, reached
+        tried += 1
+        if tried % 10 == 0:
+            progress(f"{tried} of {evaluations} boxes"
+                     + (f", threshold {reached:.3g}" if np.isfinite(reached) else ""))
         z = np.exp(log_z)
         gains = []
         for q, program in enumerate(programs):
@@ -202,6 +210,7 @@ def search(problem: Problem, start: Array, seen: tuple[int, ...], cap: float, ev
         value = np.log(worst) + TYPICAL_WEIGHT * np.log(typical) + WIDTH_WEIGHT * np.log(width)
         if value < best[0]:
             best[:] = value, L, N, z
+            reached = worst
         return value
 
     for _ in range(2):  # one restart: Nelder-Mead on a piecewise function may collapse early
@@ -241,10 +250,12 @@ def candidates(problem: Problem, options: dict, starts: list[Array], judge: Judg
     cap, evaluations = float(options.get("gain_cap", 2.0)), int(options.get("evaluations", 100))
     # Every start for the strongest aim, the first start for the others.
     tries = [(seen, start) for n, seen in enumerate(aims(problem)) for start in (starts if n == 0 else starts[:1])]
-    for seen, start in tries:
+    for n, (seen, start) in enumerate(tries, 1):
         outputs = ", ".join(str(o) for o in seen)
-        progress(f"detection, aiming at outputs {outputs}")
-        found = search(problem, start * 1.02, seen, cap, evaluations, judge)
+        where = f"detection, {n} of {len(tries)}: aim at output {outputs}"
+        progress(where)
+        found = search(problem, start * 1.02, seen, cap, evaluations, judge,
+                       lambda text, where=where: progress(f"{where}, {text}"))
         if found is not None:
             L, N = found
             yield Candidate(f"detection, gain cap {cap:g}, aim at output {outputs}", L, N, {"kind": "box"})

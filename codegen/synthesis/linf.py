@@ -146,24 +146,25 @@ def candidates(problem: Problem, options: dict, progress: Callable[[str], None])
     for kind in kinds:
         lmi = LinfProblem(problem, kind == "multiple")
         found = False
-        for lam in decays:
-            jumps = jump_factors(problem, lam) if lmi.multiple else [(1.0, (1, 1))]
-            for rho, dwell in jumps:
-                progress(f"linf {kind}, lambda {lam:g}" + (f", jump factor {rho:.3g}" if lmi.multiple else ""))
-                solved = lmi.solve(lam, rho)
-                if solved is not None:
-                    found = True
-                    yield candidate(problem, kind, lam, solved, dwell)
+        tries = [(lam, rho, dwell) for lam in decays
+                 for rho, dwell in (jump_factors(problem, lam) if lmi.multiple else [(1.0, (1, 1))])]
+        for n, (lam, rho, dwell) in enumerate(tries, 1):
+            progress(f"linf {kind}, {n} of {len(tries)}: lambda {lam:g}"
+                     + (f", jump factor {rho:.3g}" if lmi.multiple else ""))
+            solved = lmi.solve(lam, rho)
+            if solved is not None:
+                found = True
+                yield candidate(problem, kind, lam, solved, dwell)
         if not found and lmi.multiple and problem.tau is None:
             yield from slower(problem, lmi, decays, progress)
 
 
 def slower(problem: Problem, lmi: LinfProblem, decays, progress) -> Iterator[Candidate]:
     """Nothing holds for arbitrary switching: look for the shortest dwell time at which a design exists."""
-    for lam in decays:
+    for n, lam in enumerate(decays, 1):
         for tau in (1.5, 2, 3, 5, 8, 12, 20, 40, 80):
             rho = float(np.exp(-np.log1p(-lam) * tau * 0.98))
-            progress(f"linf multiple, lambda {lam:g}, dwell time {tau:g} samples")
+            progress(f"linf multiple, shortest dwell time, {n} of {len(decays)}: lambda {lam:g}, {tau:g} samples")
             solved = lmi.solve(lam, rho)
             if solved is not None:
                 used = pairwise(solved["P"])

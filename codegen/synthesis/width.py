@@ -117,8 +117,9 @@ def candidates(problem: Problem, options: dict, progress: Callable[[str], None])
     progress : callable
     """
     lp = WidthProblem(problem)
-    for a in (float(options["contraction"]),) if "contraction" in options else RATES:
-        progress(f"width, contraction {a:g}")
+    rates = (float(options["contraction"]),) if "contraction" in options else RATES
+    for n, a in enumerate(rates, 1):
+        progress(f"width, {n} of {len(rates)}: contraction {a:g}")
         solved = lp.solve(a)
         if solved is not None:
             # Rounding may eat a little of the contraction: claim slightly less than was asked for.

@@ -80,17 +80,14 @@ def prove(folder: str | Path) -> ProofResult:
         The folder has no harness, or frama-c is missing or fails.
     """
     folder = Path(folder).resolve()
-    try:
-        record = json.loads((folder / "resources.json").read_text(encoding="ascii"))
-        prefix, inputs = record["prefix"], record["n_u"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ToolError(f"{folder / 'resources.json'}: cannot be read ({type(error).__name__}: {error}). "
-                        "Make the folder with residua generate.") from error
+    record = read_record(folder)
+    prefix, inputs = record["prefix"], record["n_u"]
     sources = [f"{prefix}.c", f"prove_{prefix}.c"]
     for name in sources:
         if not (folder / name).is_file():
             raise ToolError(f"{folder / name}: not found. Make the folder again with residua generate.")
     paths = PATHS | ({"{}_u_accepted": 500} if inputs else {})
+    paths |= {"{}_theta_accepted": 500} if record.get("n_theta") else {}
     apart = ",".join(f"{name.format(prefix)}:{count}" for name, count in paths.items())
     version = _run(["-version"], folder).split()[0]
     begin = time.monotonic()
@@ -106,6 +103,22 @@ def prove(folder: str | Path) -> ProofResult:
     alarms, properties = judge(rows, said, prefix)
     covered = [int(percent) for percent in re.findall(r"(?:analyzed|reached) \(out of \d+\): (\d+)% coverage", said)]
     return ProofResult(not alarms, alarms, seconds, version, properties, min(covered, default=0))
+
+
+def read_record(folder: Path) -> dict:
+    """Return the record of a folder, resources.json: how its C is called, among others.
+
+    Raises
+    ------
+    ToolError
+        It is missing or damaged.
+    """
+    try:
+        record = json.loads((folder / "resources.json").read_text(encoding="ascii"))
+        return record | {"prefix": record["prefix"], "n_u": record["n_u"]}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ToolError(f"{folder / 'resources.json'}: cannot be read ({type(error).__name__}: {error}). "
+                        "Make the folder with residua generate.") from error
 
 
 def require(result: ProofResult) -> None:

@@ -162,8 +162,10 @@ static void cart_blind(const cart_state *s, cart_out *out)
     out->x_hi[0] = 3.8562284e-06F + s->x_hi[0] + (0.01F * s->x_hi[1]);
     /* x[1] speed */
     const cart_real common_1 = (0.01F * s->u[0]);
-    out->x_lo[1] = common_1 + k[0] + (k[1] * s->x_lo[1]);
-    out->x_hi[1] = common_1 + k[2] + (k[1] * s->x_hi[1]);
+    const cart_real lo_1 = common_1 + k[0] + (k[1] * s->x_lo[1]);
+    const cart_real hi_1 = common_1 + k[2] + (k[1] * s->x_hi[1]);
+    out->x_lo[1] = lo_1;
+    out->x_hi[1] = hi_1;
     cart_cut(out->x_lo, out->x_hi);
 }
 

@@ -122,123 +122,38 @@ static void emps_residual(const emps_in *in, emps_out *out)
 }
 
 /*
- * Mode "forward".
- */
-static void emps_forward_0(const emps_state *s, const emps_in *in, emps_out *out)
-{
-    /* x[0] position */
-    const emps_real common_0 = (5.136416e-06F * s->u[0])
-        + (1.1082057F * s->y[0])
-        - (0.10820573F * in->y[0]);
-    out->x_lo[0] = common_0 - 5.1657726e-06F + (0.0055113356F * s->x_lo[1]);
-    out->x_hi[0] = common_0 + 5.137015e-08F + (0.0055113356F * s->x_hi[1]);
-    /* x[1] speed */
-    const emps_real common_1 = (0.0009286374F * s->u[0]) - (198.92636F * s->y[0]) + (198.92636F * in->y[0]);
-    out->x_lo[1] = common_1 - 0.0009324772F;
-    out->x_hi[1] = common_1 + 7.81974e-06F;
-}
-
-/*
- * Mode "backward".
- */
-static void emps_forward_1(const emps_state *s, const emps_in *in, emps_out *out)
-{
-    /* x[0] position */
-    const emps_real common_0 = (5.094472e-06F * s->u[0])
-        + (1.0991561F * s->y[0])
-        - (0.099156104F * in->y[0]);
-    out->x_lo[0] = common_0 + 6.961378e-07F + (0.00546633F * s->x_lo[1]);
-    out->x_hi[0] = common_0 + 6.550488e-06F + (0.00546633F * s->x_hi[1]);
-    /* x[1] speed */
-    const emps_real common_1 = (0.0009286374F * s->u[0]) - (198.92636F * s->y[0]) + (198.92636F * in->y[0]);
-    out->x_lo[1] = common_1 + 0.00012427416F;
-    out->x_hi[1] = common_1 + 0.0011966651F;
-}
-
-/*
- * Mode "reversal".
- */
-static void emps_forward_2(const emps_state *s, const emps_in *in, emps_out *out)
-{
-    /* x[0] position */
-    const emps_real common_0 = (4.639807e-06F * s->u[0])
-        + (1.00106F * s->y[0])
-        - (0.0010599915F * in->y[0]);
-    out->x_lo[0] = common_0 - 6.5855875e-06F + (0.0049784775F * s->x_lo[1]);
-    out->x_hi[0] = common_0 + 6.5855875e-06F + (0.0049784775F * s->x_hi[1]);
-    /* x[1] speed */
-    const emps_real common_1 = (0.0009286374F * s->u[0]) - (198.92636F * s->y[0]) + (198.92636F * in->y[0]);
-    out->x_lo[1] = common_1 - 0.001328759F;
-    out->x_hi[1] = common_1 + 0.001328759F;
-}
-
-/*
  * x_hi+ = M x_hi + G u + L y + N y+ + d_hi
  * x_lo+ = M x_lo + G u + L y + N y+ + d_lo
  */
 static void emps_forward(const emps_state *s, const emps_in *in, emps_out *out)
 {
-    switch (s->mode)
-    {
-    case EMPS_MODE_FORWARD:
-        emps_forward_0(s, in, out);
-        break;
-    case EMPS_MODE_BACKWARD:
-        emps_forward_1(s, in, out);
-        break;
-    case EMPS_MODE_REVERSAL:
-    default:
-        emps_forward_2(s, in, out);
-        break;
-    }
-}
+    /* columns: 0 G[0][0], 1 L[0][0], 2 N[0][0], 3 d_lo[0], 4 M[0][1], 5 d_hi[0], 6 d_lo[1], 7 d_hi[1] */
+    static const emps_real table[EMPS_MODES][8U] = {
+        { /* forward */
+            5.136416e-06F, 1.1082057F, -0.10820573F, -5.1657726e-06F, 0.0055113356F, 5.137015e-08F,
+            -0.0009324772F, 7.81974e-06F
+        },
+        { /* backward */
+            5.094472e-06F, 1.0991561F, -0.099156104F, 6.961378e-07F, 0.00546633F, 6.550488e-06F,
+            0.00012427416F, 0.0011966651F
+        },
+        { /* reversal */
+            4.639807e-06F, 1.00106F, -0.0010599915F, -6.5855875e-06F, 0.0049784775F, 6.5855875e-06F,
+            -0.001328759F, 0.001328759F
+        },
+    };
+    const emps_real *const k = table[(s->mode < EMPS_MODES) ? s->mode : 0U];
 
-/*
- * Mode "forward".
- */
-static void emps_blind_0(const emps_state *s, emps_out *out)
-{
     /* x[0] position */
-    const emps_real common_0 = (4.6348937e-06F * s->u[0]);
-    out->x_lo[0] = common_0 - 4.5136744e-06F + s->x_lo[0] + (0.004973206F * s->x_lo[1]);
-    out->x_hi[0] = common_0 - 1.01355454e-07F + s->x_hi[0] + (0.004973206F * s->x_hi[1]);
+    const emps_real common_0 = (k[0] * s->u[0]) + (k[1] * s->y[0]) + (k[2] * in->y[0]);
+    const emps_real lo_0 = common_0 + k[3] + (k[4] * s->x_lo[1]);
+    const emps_real hi_0 = common_0 + k[5] + (k[4] * s->x_hi[1]);
+    out->x_lo[0] = lo_0;
+    out->x_hi[0] = hi_0;
     /* x[1] speed */
-    const emps_real common_1 = (0.0018506399F * s->u[0]);
-    out->x_lo[1] = common_1 - 0.0013328125F + (0.98930174F * s->x_lo[1]);
-    out->x_hi[1] = common_1 - 0.0005098959F + (0.98930174F * s->x_hi[1]);
-    emps_cut(out->x_lo, out->x_hi);
-}
-
-/*
- * Mode "backward".
- */
-static void emps_blind_1(const emps_state *s, emps_out *out)
-{
-    /* x[0] position */
-    const emps_real common_0 = (4.6348937e-06F * s->u[0]);
-    out->x_lo[0] = common_0 + 7.6064515e-07F + s->x_lo[0] + (0.004973206F * s->x_lo[1]);
-    out->x_hi[0] = common_0 + 5.8322544e-06F + s->x_hi[0] + (0.004973206F * s->x_hi[1]);
-    /* x[1] speed */
-    const emps_real common_1 = (0.0018506399F * s->u[0]);
-    out->x_lo[1] = common_1 + 0.0007731399F + (0.98930174F * s->x_lo[1]);
-    out->x_hi[1] = common_1 + 0.0018593007F + (0.98930174F * s->x_hi[1]);
-    emps_cut(out->x_lo, out->x_hi);
-}
-
-/*
- * Mode "reversal".
- */
-static void emps_blind_2(const emps_state *s, emps_out *out)
-{
-    /* x[0] position */
-    const emps_real common_0 = (4.6348937e-06F * s->u[0]);
-    out->x_lo[0] = common_0 - 6.4915444e-06F + s->x_lo[0] + (0.004973206F * s->x_lo[1]);
-    out->x_hi[0] = common_0 + 6.4915444e-06F + s->x_hi[0] + (0.004973206F * s->x_hi[1]);
-    /* x[1] speed */
-    const emps_real common_1 = (0.0018506399F * s->u[0]);
-    out->x_lo[1] = common_1 - 0.002122545F + (0.98930174F * s->x_lo[1]);
-    out->x_hi[1] = common_1 + 0.002122545F + (0.98930174F * s->x_hi[1]);
-    emps_cut(out->x_lo, out->x_hi);
+    const emps_real common_1 = (0.0009286374F * s->u[0]) - (198.92636F * s->y[0]) + (198.92636F * in->y[0]);
+    out->x_lo[1] = common_1 + k[6];
+    out->x_hi[1] = common_1 + k[7];
 }
 
 /*
@@ -247,19 +162,23 @@ static void emps_blind_2(const emps_state *s, emps_out *out)
  */
 static void emps_blind(const emps_state *s, emps_out *out)
 {
-    switch (s->mode)
-    {
-    case EMPS_MODE_FORWARD:
-        emps_blind_0(s, out);
-        break;
-    case EMPS_MODE_BACKWARD:
-        emps_blind_1(s, out);
-        break;
-    case EMPS_MODE_REVERSAL:
-    default:
-        emps_blind_2(s, out);
-        break;
-    }
+    /* columns: 0 a_lo[0], 1 a_hi[0], 2 a_lo[1], 3 a_hi[1] */
+    static const emps_real table[EMPS_MODES][4U] = {
+        { -4.5136744e-06F, -1.01355454e-07F, -0.0013328125F, -0.0005098959F }, /* forward */
+        { 7.6064515e-07F, 5.8322544e-06F, 0.0007731399F, 0.0018593007F }, /* backward */
+        { -6.4915444e-06F, 6.4915444e-06F, -0.002122545F, 0.002122545F }, /* reversal */
+    };
+    const emps_real *const k = table[(s->mode < EMPS_MODES) ? s->mode : 0U];
+
+    /* x[0] position */
+    const emps_real common_0 = (4.6348937e-06F * s->u[0]);
+    out->x_lo[0] = common_0 + k[0] + s->x_lo[0] + (0.004973206F * s->x_lo[1]);
+    out->x_hi[0] = common_0 + k[1] + s->x_hi[0] + (0.004973206F * s->x_hi[1]);
+    /* x[1] speed */
+    const emps_real common_1 = (0.0018506399F * s->u[0]);
+    out->x_lo[1] = common_1 + k[2] + (0.98930174F * s->x_lo[1]);
+    out->x_hi[1] = common_1 + k[3] + (0.98930174F * s->x_hi[1]);
+    emps_cut(out->x_lo, out->x_hi);
 }
 
 /*

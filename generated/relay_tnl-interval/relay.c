@@ -150,24 +150,30 @@ static void relay_forward(const relay_state *s, const relay_in *in, relay_out *o
 
     /* x[0] a */
     const relay_real common_0 = (k[0] * s->u[0]) + (k[1] * s->y[0]) + (k[2] * in->y[0]);
-    out->x_lo[0] = common_0
+    const relay_real lo_0 = common_0
         + k[3]
         + (k[4] * s->x_lo[0])
         + (k[5] * s->x_lo[1])
         + (k[6] * s->x_lo[2]);
-    out->x_hi[0] = common_0
+    const relay_real hi_0 = common_0
         + k[7]
         + (k[4] * s->x_hi[0])
         + (k[5] * s->x_hi[1])
         + (k[6] * s->x_hi[2]);
+    out->x_lo[0] = lo_0;
+    out->x_hi[0] = hi_0;
     /* x[1] b */
     const relay_real common_1 = (k[8] * s->u[0]) + (k[9] * s->y[0]) + (k[10] * in->y[0]);
-    out->x_lo[1] = common_1 + k[11] + (k[12] * s->x_lo[0]) + (k[13] * s->x_lo[1]);
-    out->x_hi[1] = common_1 + k[14] + (k[12] * s->x_hi[0]) + (k[13] * s->x_hi[1]);
+    const relay_real lo_1 = common_1 + k[11] + (k[12] * s->x_lo[0]) + (k[13] * s->x_lo[1]);
+    const relay_real hi_1 = common_1 + k[14] + (k[12] * s->x_hi[0]) + (k[13] * s->x_hi[1]);
+    out->x_lo[1] = lo_1;
+    out->x_hi[1] = hi_1;
     /* x[2] filter */
     const relay_real common_2 = (k[15] * s->y[0]) + (k[16] * in->y[0]);
-    out->x_lo[2] = common_2 + k[17] + (k[18] * s->x_lo[0]) + (k[18] * s->x_lo[1]);
-    out->x_hi[2] = common_2 + k[19] + (k[18] * s->x_hi[0]) + (k[18] * s->x_hi[1]);
+    const relay_real lo_2 = common_2 + k[17] + (k[18] * s->x_lo[0]) + (k[18] * s->x_lo[1]);
+    const relay_real hi_2 = common_2 + k[19] + (k[18] * s->x_hi[0]) + (k[18] * s->x_hi[1]);
+    out->x_lo[2] = lo_2;
+    out->x_hi[2] = hi_2;
     relay_cut(out->x_lo, out->x_hi);
 }
 
@@ -192,12 +198,16 @@ static void relay_blind(const relay_state *s, relay_out *out)
 
     /* x[0] a */
     const relay_real common_0 = (k[0] * s->u[0]);
-    out->x_lo[0] = common_0 + k[1] + (0.1F * s->x_lo[0]) + (k[2] * s->x_lo[1]);
-    out->x_hi[0] = common_0 + k[3] + (0.1F * s->x_hi[0]) + (k[2] * s->x_hi[1]);
+    const relay_real lo_0 = common_0 + k[1] + (0.1F * s->x_lo[0]) + (k[2] * s->x_lo[1]);
+    const relay_real hi_0 = common_0 + k[3] + (0.1F * s->x_hi[0]) + (k[2] * s->x_hi[1]);
+    out->x_lo[0] = lo_0;
+    out->x_hi[0] = hi_0;
     /* x[1] b */
     const relay_real common_1 = (k[4] * s->u[0]);
-    out->x_lo[1] = common_1 + k[5] + (k[6] * s->x_lo[0]) + (0.1F * s->x_lo[1]);
-    out->x_hi[1] = common_1 + k[7] + (k[6] * s->x_hi[0]) + (0.1F * s->x_hi[1]);
+    const relay_real lo_1 = common_1 + k[5] + (k[6] * s->x_lo[0]) + (0.1F * s->x_lo[1]);
+    const relay_real hi_1 = common_1 + k[7] + (k[6] * s->x_hi[0]) + (0.1F * s->x_hi[1]);
+    out->x_lo[1] = lo_1;
+    out->x_hi[1] = hi_1;
     /* x[2] filter */
     out->x_lo[2] = -7.600315e-07F
         + (0.25F * s->x_lo[0])

@@ -163,16 +163,22 @@ static void zammali_fd_forward(zammali_fd_state *s, const zammali_fd_in *in, con
 
     /* x[0] x1 */
     const zammali_fd_real common_0 = (k[0] * in->u[0]) + (k[1] * in->y[0]) + (k[2] * in->y[1]);
-    s->x_lo[0] = common_0 + k[3] + (k[4] * out->x_lo[2]);
-    s->x_hi[0] = common_0 + k[5] + (k[4] * out->x_hi[2]);
+    const zammali_fd_real lo_0 = common_0 + k[3] + (k[4] * out->x_lo[2]);
+    const zammali_fd_real hi_0 = common_0 + k[5] + (k[4] * out->x_hi[2]);
+    s->x_lo[0] = lo_0;
+    s->x_hi[0] = hi_0;
     /* x[1] x2 */
     const zammali_fd_real common_1 = (k[6] * in->u[0]) + (k[7] * in->y[0]) + (k[8] * in->y[1]);
-    s->x_lo[1] = common_1 + k[9] + (k[10] * out->x_lo[2]);
-    s->x_hi[1] = common_1 + k[11] + (k[10] * out->x_hi[2]);
+    const zammali_fd_real lo_1 = common_1 + k[9] + (k[10] * out->x_lo[2]);
+    const zammali_fd_real hi_1 = common_1 + k[11] + (k[10] * out->x_hi[2]);
+    s->x_lo[1] = lo_1;
+    s->x_hi[1] = hi_1;
     /* x[2] x3 */
     const zammali_fd_real common_2 = (k[12] * in->u[0]) + (k[13] * in->y[0]) + (k[14] * in->y[1]);
-    s->x_lo[2] = common_2 + k[15] + (k[16] * out->x_lo[1]) + (k[17] * out->x_lo[2]);
-    s->x_hi[2] = common_2 + k[18] + (k[16] * out->x_hi[1]) + (k[17] * out->x_hi[2]);
+    const zammali_fd_real lo_2 = common_2 + k[15] + (k[16] * out->x_lo[1]) + (k[17] * out->x_lo[2]);
+    const zammali_fd_real hi_2 = common_2 + k[18] + (k[16] * out->x_hi[1]) + (k[17] * out->x_hi[2]);
+    s->x_lo[2] = lo_2;
+    s->x_hi[2] = hi_2;
 }
 
 /*
@@ -205,34 +211,40 @@ static void zammali_fd_blind(zammali_fd_state *s, const zammali_fd_in *in, const
 
     /* x[0] x1 */
     const zammali_fd_real common_0 = (k[0] * in->u[0]);
-    s->x_lo[0] = common_0
+    const zammali_fd_real lo_0 = common_0
         + k[1]
         + (k[2] * out->x_lo[0])
         + (k[3] * out->x_lo[1])
         + (k[4] * out->x_hi[1])
         + (k[5] * out->x_lo[2]);
-    s->x_hi[0] = common_0
+    const zammali_fd_real hi_0 = common_0
         + k[6]
         + (k[2] * out->x_hi[0])
         + (k[3] * out->x_hi[1])
         + (k[4] * out->x_lo[1])
         + (k[5] * out->x_hi[2]);
+    s->x_lo[0] = lo_0;
+    s->x_hi[0] = hi_0;
     /* x[1] x2 */
     const zammali_fd_real common_1 = (k[7] * in->u[0]);
-    s->x_lo[1] = common_1 + k[8] + (k[9] * out->x_lo[0]) + (k[10] * out->x_lo[2]);
-    s->x_hi[1] = common_1 + k[11] + (k[9] * out->x_hi[0]) + (k[10] * out->x_hi[2]);
+    const zammali_fd_real lo_1 = common_1 + k[8] + (k[9] * out->x_lo[0]) + (k[10] * out->x_lo[2]);
+    const zammali_fd_real hi_1 = common_1 + k[11] + (k[9] * out->x_hi[0]) + (k[10] * out->x_hi[2]);
+    s->x_lo[1] = lo_1;
+    s->x_hi[1] = hi_1;
     /* x[2] x3 */
     const zammali_fd_real common_2 = (k[12] * in->u[0]);
-    s->x_lo[2] = common_2
+    const zammali_fd_real lo_2 = common_2
         + k[13]
         + (k[14] * out->x_lo[0])
         + (k[15] * out->x_lo[1])
         + (k[16] * out->x_lo[2]);
-    s->x_hi[2] = common_2
+    const zammali_fd_real hi_2 = common_2
         + k[17]
         + (k[14] * out->x_hi[0])
         + (k[15] * out->x_hi[1])
         + (k[16] * out->x_hi[2]);
+    s->x_lo[2] = lo_2;
+    s->x_hi[2] = hi_2;
     zammali_fd_cut(s->x_lo, s->x_hi);
 }
 

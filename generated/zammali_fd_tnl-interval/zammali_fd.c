@@ -172,24 +172,30 @@ static void zammali_fd_forward(const zammali_fd_state *s, const zammali_fd_in *i
         + (k[2] * s->y[1])
         + (k[3] * in->y[0])
         + (k[4] * in->y[1]);
-    out->x_lo[0] = common_0 + k[5] + (k[6] * s->x_lo[2]);
-    out->x_hi[0] = common_0 + k[7] + (k[6] * s->x_hi[2]);
+    const zammali_fd_real lo_0 = common_0 + k[5] + (k[6] * s->x_lo[2]);
+    const zammali_fd_real hi_0 = common_0 + k[7] + (k[6] * s->x_hi[2]);
+    out->x_lo[0] = lo_0;
+    out->x_hi[0] = hi_0;
     /* x[1] x2 */
     const zammali_fd_real common_1 = (k[8] * s->u[0])
         + (k[9] * s->y[0])
         + (k[10] * s->y[1])
         + (k[11] * in->y[0])
         + (k[12] * in->y[1]);
-    out->x_lo[1] = common_1 + k[13] + (k[14] * s->x_lo[2]);
-    out->x_hi[1] = common_1 + k[15] + (k[14] * s->x_hi[2]);
+    const zammali_fd_real lo_1 = common_1 + k[13] + (k[14] * s->x_lo[2]);
+    const zammali_fd_real hi_1 = common_1 + k[15] + (k[14] * s->x_hi[2]);
+    out->x_lo[1] = lo_1;
+    out->x_hi[1] = hi_1;
     /* x[2] x3 */
     const zammali_fd_real common_2 = (k[16] * s->u[0])
         + (k[17] * s->y[0])
         + (k[18] * s->y[1])
         + (k[19] * in->y[0])
         + (k[20] * in->y[1]);
-    out->x_lo[2] = common_2 + k[21] + (k[22] * s->x_lo[2]);
-    out->x_hi[2] = common_2 + k[23] + (k[22] * s->x_hi[2]);
+    const zammali_fd_real lo_2 = common_2 + k[21] + (k[22] * s->x_lo[2]);
+    const zammali_fd_real hi_2 = common_2 + k[23] + (k[22] * s->x_hi[2]);
+    out->x_lo[2] = lo_2;
+    out->x_hi[2] = hi_2;
 }
 
 /*
@@ -222,34 +228,40 @@ static void zammali_fd_blind(const zammali_fd_state *s, zammali_fd_out *out)
 
     /* x[0] x1 */
     const zammali_fd_real common_0 = (k[0] * s->u[0]);
-    out->x_lo[0] = common_0
+    const zammali_fd_real lo_0 = common_0
         + k[1]
         + (k[2] * s->x_lo[0])
         + (k[3] * s->x_lo[1])
         + (k[4] * s->x_hi[1])
         + (k[5] * s->x_lo[2]);
-    out->x_hi[0] = common_0
+    const zammali_fd_real hi_0 = common_0
         + k[6]
         + (k[2] * s->x_hi[0])
         + (k[3] * s->x_hi[1])
         + (k[4] * s->x_lo[1])
         + (k[5] * s->x_hi[2]);
+    out->x_lo[0] = lo_0;
+    out->x_hi[0] = hi_0;
     /* x[1] x2 */
     const zammali_fd_real common_1 = (k[7] * s->u[0]);
-    out->x_lo[1] = common_1 + k[8] + (k[9] * s->x_lo[0]) + (k[10] * s->x_lo[2]);
-    out->x_hi[1] = common_1 + k[11] + (k[9] * s->x_hi[0]) + (k[10] * s->x_hi[2]);
+    const zammali_fd_real lo_1 = common_1 + k[8] + (k[9] * s->x_lo[0]) + (k[10] * s->x_lo[2]);
+    const zammali_fd_real hi_1 = common_1 + k[11] + (k[9] * s->x_hi[0]) + (k[10] * s->x_hi[2]);
+    out->x_lo[1] = lo_1;
+    out->x_hi[1] = hi_1;
     /* x[2] x3 */
     const zammali_fd_real common_2 = (k[12] * s->u[0]);
-    out->x_lo[2] = common_2
+    const zammali_fd_real lo_2 = common_2
         + k[13]
         + (k[14] * s->x_lo[0])
         + (k[15] * s->x_lo[1])
         + (k[16] * s->x_lo[2]);
-    out->x_hi[2] = common_2
+    const zammali_fd_real hi_2 = common_2
         + k[17]
         + (k[14] * s->x_hi[0])
         + (k[15] * s->x_hi[1])
         + (k[16] * s->x_hi[2]);
+    out->x_lo[2] = lo_2;
+    out->x_hi[2] = hi_2;
     zammali_fd_cut(out->x_lo, out->x_hi);
 }
 

@@ -21,8 +21,9 @@ ALLOWED = {
     "certify": {"algebra"},
     "analysis": {"algebra", "observers", "plant"},
     "target": set(),
-    "emit": {"observers", "target"},
+    "emit": {"observers", "target", "certify"},  # the Gappa script: what offsets leave for rounding
     "host": {"observers", "emit", "target"},  # its batch glue is a template like the rest of the C
+    "assurance": {"analysis", "certify", "emit", "target"},  # reads back what emit printed
     "report": {"observers", "plant", "analysis", "emit", "certify"},
 }
 

@@ -15,7 +15,8 @@ from codegen.emit import files, generate, package
 from codegen.errors import EmitError
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = {"design.json", "cart.h", "cart.c", "test_cart.c", "prove_cart.c", "CMakeLists.txt", "resources.json"}
+NAMES = {"design.json", "cart.h", "cart.c", "test_cart.c", "prove_cart.c", "rounding_cart.g", "CMakeLists.txt",
+         "resources.json"}
 
 
 @pytest.fixture
@@ -46,8 +47,8 @@ def test_replaces_its_own_folder_and_keeps_the_users_files(design, tmp_path, mon
     generate(design, folder, "float64", "loop")
     assert set(contents(folder)) == NAMES | {"notes.txt"}
     generate(stand_in(prefix="van"), folder)
-    assert {p for p in contents(folder) if p.endswith((".c", ".h"))} == {"van.h", "van.c", "test_van.c",
-                                                                         "prove_van.c"}
+    assert {p for p in contents(folder) if p.endswith((".c", ".h", ".g"))} == {"van.h", "van.c", "test_van.c",
+                                                                         "prove_van.c", "rounding_van.g"}
     generate(design, folder, "float64", "loop")
     assert "double" in (folder / "cart.h").read_text() and "cart_step" in (folder / "cart.c").read_text()
     assert os.listdir(tmp_path) == ["cart"]

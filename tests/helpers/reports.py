@@ -34,6 +34,9 @@ class StandInDriver:
     def run(self, u, y, q=None, theta=None, x0_lo=None, x0_hi=None):
         return self.design.observer.run(u=u, y=y, q=q, real=self.real, x0_lo=x0_lo, x0_hi=x0_hi)
 
+    def run_many(self, u, y, q):
+        return self.design.observer.run_many(u, y, q, self.real)
+
 
 def small_design(name, **changes):
     """A gallery plant with given gains; ``changes`` are fields of the plant."""

@@ -87,7 +87,7 @@ def test_the_page_is_well_formed_and_needs_nothing_else(cart_page):
 def test_every_section_is_there_in_order(cart_page):
     headings = re.findall(r"<h2>(.*?)</h2>", cart_page)
     assert headings == ["The plant", "The design", "Faults that are surely detected", "Validation of the compiled C",
-                        "Scenarios", "What it costs", "The constants in the C", "Provenance"]
+                        "Scenarios", "What it costs", "The constants in the C", "Assurance", "Provenance"]
 
 
 def test_the_headline_tells_purpose_and_verdict(cart_page):

@@ -1,0 +1,11 @@
+"""CasADi, matrix expressions (MX): calls of its sparse matrix routines, one function per mode."""
+
+from ..cases import Case
+from . import _casadi
+
+NEEDS, HEADER = "casadi", ""
+
+
+def sources(case: Case) -> dict[str, str]:
+    """Print a case."""
+    return _casadi.sources(case, "MX")

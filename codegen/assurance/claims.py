@@ -1,0 +1,224 @@
+"""Every claim of a design: what of the plant it comes from, its condition, by how much it holds, what it rests on.
+
+The sentences of the certificate (``certify.claims.check``) come first, in its order: a sentence without a
+condition here is an error, so that no claim can be left out. Those that are checked but not counted among the
+sentences follow: ranges, dwell monitor, detected faults, arithmetic, execution.
+"""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import dataclass
+from itertools import zip_longest
+
+from ..analysis.detectability import surely_detected
+from ..certify import claims as certificate
+from ..certify import containment, criteria, freeze
+from ..errors import CertificateError
+from . import margins
+from .margins import Margin
+
+GAINS = ("M", "G", "L", "N", "d")
+EXACT = ("exact", "independent", "read-back")
+MATRICES = ("A", "B", "C", "D", "Bw", "Dv")
+PLANT = (*MATRICES, "signals.x", "signals.u", "signals.y", "signals.w", "signals.v", "mode.bounds", "constants")
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One claim.
+
+    Parameters
+    ----------
+    id : str
+    text : str
+        As the header and ``residua certify`` print it.
+    plant : tuple of str
+        Entries of the plant file, matrices by their name alone.
+    words, formula, source, code : str
+        The condition: in words, as a formula, where it is published, which function decides it.
+    constants : tuple of str
+        Of the tables, without the side.
+    margins : tuple of Margin
+        Empty where the condition is no inequality.
+    checks : tuple of str
+        What speaks for it (``checks.CHECKS``).
+    """
+
+    id: str
+    text: str
+    plant: tuple[str, ...]
+    words: str
+    formula: str
+    source: str
+    code: str
+    constants: tuple[str, ...]
+    margins: tuple[Margin, ...]
+    checks: tuple[str, ...]
+
+
+def claims(design, real: str) -> list[Claim]:
+    """State all claims of a design for one number type.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+
+    Returns
+    -------
+    list of Claim
+
+    Raises
+    ------
+    CertificateError
+        A sentence of the certificate has no condition here, or a condition does not hold.
+    """
+    t, cert, modes = design.observer.tables[real], design.certificate[real], design.plant.modes
+    out = []
+    for (begins, make), sentence in zip_longest(_of_certificate(design, t, cert, modes), design.claims(real),
+                                                fillvalue=("no other", None)):
+        if make is None or not isinstance(sentence, str) or not sentence.startswith(begins):
+            raise CertificateError(f"assurance: no condition is known for the claim {sentence!r} (expected one that "
+                                   f"begins with {begins!r}). Add it to codegen/assurance/claims.py.")
+        out.append(_held(make(sentence)))
+    return [*out, _held(_ranges(design, t)), *map(_held, _monitor(design, cert)), *_detection(design, t, cert, real),
+            *_of_the_c()]
+
+
+def _held(claim: Claim) -> Claim:
+    """Refuse a claim whose condition does not hold."""
+    for margin in claim.margins:
+        if not margin.holds:
+            raise CertificateError(f"assurance: {claim.id}: {margin.what} is {float(margin.left):.3g} at "
+                                   f"{margin.where} (expected {'> 0' if margin.strict else '>= 0'}). Design again.")
+    return claim
+
+
+def _of_certificate(design, t, cert, modes):
+    """Yield (beginning of the sentence, what makes its claim), in the order of ``certify.claims.check``."""
+    family = _source(inspect.getmodule(type(design.observer)))
+
+    def claim(id, words, formula, source, code, found, plant=PLANT, constants=GAINS, checks=EXACT):
+        return lambda text: Claim(id, text, plant, words, formula, source, _code(code), constants, tuple(found), checks)
+
+    gain = "T A - L C" if design.observer.family == "tnl" else "A - L C"
+    yield "T A - L C >= 0", claim(
+        "nonnegative", "Errors of the framers keep their sign: the matrix that carries them on has no negative entry.",
+        f"M >= 0 elementwise, M = {gain} up to rounding, T = I - N C", family, certificate._nonnegative,
+        margins.nonnegative(modes, t), plant=("A", "C", "constants"), constants=("M", "L", "N"))
+    yield "x_lo <= x <= x_hi", claim(
+        "containment", "Each offset reaches beyond the worst disturbance, noise and rounding, so no step loses the "
+        "state.", "d_hi >= max[T Bw w - L Dv v - N Dv v+ + (T A - L C - M) x + (T B - L D - G) u] + rounding of "
+        "inputs and sums; mirrored for d_lo; a and c alike for x+ = A x + B u + Bw w and y = C x + D u + Dv v",
+        family, containment.Containment, margins.contained(modes, t),
+        constants=("M", "G", "L", "N", "d", "A", "B", "a", "C", "D", "c"),
+        checks=(*EXACT, "rounding", "validation", "target"))
+    yield "the framers ", claim(
+        "bounded", "The framers stay in the box on which the rounding margins rest.",
+        "|x_lo|, |x_hi| <= box: both are cut to the declared ranges" if t.clamp else
+        "|M| box + |G| u_max + (|L| + |N|) y_max + |d| + rounding <= box", _own(freeze.box_holds),
+        certificate._bounded if t.clamp else freeze.box_holds, margins.bounded(modes, t),
+        constants=(*GAINS, "x", "x0", "u", "y") if not t.clamp else ("x", "x0"), checks=(*EXACT, "prove"))
+    if cert["kind"] == "linf":
+        yield "L-infinity: ", claim(
+            "linf", "A Lyapunov function of the framers' errors decreases in every mode, grows by at most rho at a "
+            "switch, and switches are rare enough.", "[[(1 - lambda) P, 0, (P M)'], [0, mu I, (P H)'], [P M, P H, P]] "
+            "> 0, H = [I, L, N]; P_q <= rho P_l; (1 - lambda)^add rho^drain < 1; level^2 >= factor mu theta^2",
+            f"{_first(criteria.check_linf)} {_first(criteria.lyapunov_block)}", criteria.check_linf,
+            margins.linf(modes, t, cert), plant=(*PLANT, "switching.average_dwell", "switching.minimum_dwell",
+                                                 "switching.chatter"))
+    if cert["kind"] == "width":
+        yield "Width: ", claim(
+            "width", "A positive weighted sum of the widths shrinks in every mode.",
+            "p' M_q <= (1 - a) p', p > 0, 0 < a < 1; level >= p' push / a", _own(criteria.check_width),
+            criteria.check_width, margins.width(modes, t, cert))
+    if cert.get("steady_box"):
+        yield "Ultimate width ", claim(
+            "ultimate-width", "A box of errors that no mode lets them leave, and into which every error shrinks.",
+            "M_q z + push_q <= z and M_q z < z in every mode", _own(criteria.check_box), criteria.check_box,
+            margins.box(modes, t, cert))
+
+
+def _ranges(design, t) -> Claim:
+    limits = {"x": design.plant.limits("x"), "x0": (design.plant.x0_lo, design.plant.x0_hi)}
+    return Claim("ranges", "the framers start from, and restart to, boxes that hold what the plant file declares",
+                 ("signals.x", "initial.x_lo", "initial.x_hi"), "The boxes of init and reset are rounded outward.",
+                 "x0_lo <= initial x_lo, x0_hi >= initial x_hi; x_lo, x_hi alike", _own(certificate.check_ranges),
+                 _code(certificate.check_ranges), ("x", "x0"), tuple(margins.ranges(limits, t)), EXACT)
+
+
+def _monitor(design, cert) -> list[Claim]:
+    s = design.observer.supervision
+    if not s.monitors_dwell:
+        return []
+    tau, chatter = s.dwell_add / s.dwell_drain, s.dwell_limit / s.dwell_add
+    return [Claim("monitor", f"assured is withdrawn where switching breaks an average dwell time of {tau:.6g} samples "
+                  f"with chatter bound {chatter:.6g}", ("switching.average_dwell", "switching.minimum_dwell",
+                                                        "switching.chatter", "time.sample_period"),
+                  "The leaky bucket overflows before the switching is faster than the proof allows.",
+                  "add / drain >= average dwell time of the certificate, limit <= chatter bound * add",
+                  _own(certificate.check_monitor), _code(certificate.check_monitor),
+                  ("dwell_add", "dwell_drain", "dwell_limit"), tuple(margins.monitor(s, cert)),
+                  ("exact", "read-back", "validation", "target"))]
+
+
+def _detection(design, t, cert, real) -> list[Claim]:
+    """One claim per fault channel: the size from which a step is found, last delay."""
+    stored = design.detection[real]
+    within = max((len(f["by_delay"]) - 1 for f in stored), default=0)
+    out = []
+    for fault, old in zip(surely_detected(design.plant, t, cert, within), stored, strict=True):
+        for claimed, fresh in zip(old["by_delay"], fault.by_delay, strict=True):
+            if claimed is not None and claimed < fresh * (1 - 1e-9):
+                raise CertificateError(f"assurance: fault {fault.channel} is claimed to be found from {claimed:.6g} "
+                                       f"on, only {fresh:.6g} is sure. Design again.")
+        size, unit = old["by_delay"][-1], old["unit"]
+        text = f"no size of the fault {fault.channel} is claimed to be found" if size is None else (
+            f"a step of the fault {fault.channel} of {size:.6g}{' ' + unit if unit else ''} or more raises an alarm "
+            f"{_when(old['by_delay'].index(size))}")
+        out.append(Claim(f"detection-{fault.channel}", text, (*PLANT, "Bf", "Df", "signals.f"),
+                         "For every admissible mode sequence, disturbance and noise, some output leaves its bounds.",
+                         "size > sup r_i / |response_i| for an output i, worst over sequences (double precision, a "
+                         "part in a million added)", _own(inspect.getmodule(surely_detected)),
+                         _code(surely_detected), (*GAINS, "C", "D", "c"), (),
+                         ("detection", "read-back", "validation")))
+    return out
+
+
+def _when(delay: int) -> str:
+    return f"within {delay} sample{'s' * (delay > 1)}" if delay else "at its first sample"
+
+
+def _of_the_c() -> list[Claim]:
+    """What is claimed of the C itself."""
+    contract = "contract of the generated C (templates/README.md)"
+    return [Claim("arithmetic", "the C computes the same numbers as the numpy reference, bit for bit", (),
+                  "IEEE 754 arithmetic, operation by operation, in the order that is written.",
+                  "C == reference for every sample of every scenario and of the golden vectors", contract,
+                  "codegen.analysis.validate.validate", (), (), ("compile", "validation", "target")),
+            Claim("execution", "no call of the C does anything undefined, every number stays finite, and a refused "
+                  "call changes nothing", (), "Every state in the box, every input and every mode is covered by "
+                  "intervals; random ones are tried.",
+                  "no alarm of the analyser; no report of a sanitizer", contract, "codegen.target.prove.prove", (), (),
+                  ("prove", "fuzz"))]
+
+
+def _source(module) -> str:
+    """The first sentence after "Source:" in a docstring."""
+    _, mark, found = (inspect.getdoc(module) or "").partition("Source:")
+    return " ".join(found.replace("``", "").split()).split(". ")[0].rstrip(".") if mark else module.__name__
+
+
+def _first(thing) -> str:
+    """The first line of a docstring."""
+    return (inspect.getdoc(thing) or "").splitlines()[0].replace("``", "")
+
+
+def _own(thing) -> str:
+    """A condition that no publication states, in the words of the code."""
+    return f"own derivation: {_first(thing)}"
+
+
+def _code(thing) -> str:
+    return f"{thing.__module__}.{thing.__qualname__}"

@@ -1,0 +1,184 @@
+"""Where every constant of a design stands in its C: read back from the file and compared with the tables.
+
+The maps (framers forward, framers blind, residual bounds) are executed symbolically for each mode; every
+coefficient must be the table's, none may be missing and none may be there that the tables do not know.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from ..emit import families, view
+from ..emit.maps import MapSpec, Names
+from ..errors import CertificateError
+from .c_reader import Source, read, walk
+from .symbolic import Affine, Coefficient, Machine
+
+SIDES = ("lo", "hi")
+NOWHERE = Coefficient(Fraction(0), "", 0)  # a product with 0 is left out
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One number: its index, its value, the literal it was read from and all its lines.
+
+    Without a literal: a product with 1 (the line is the operand's), or one with 0 (no line).
+    """
+
+    index: tuple[int, ...]
+    value: float
+    literal: str
+    lines: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A vector or matrix of the tables, of one mode ("" for all), in one function of the C."""
+
+    name: str
+    mode: str
+    function: str
+    entries: tuple[Entry, ...]
+
+
+def constants(design, real: str, layout: str, text: str, header: str) -> tuple[Constant, ...]:
+    """Find every constant of the tables in the C.
+
+    Parameters
+    ----------
+    design : Design
+    real, layout : str
+        Of the C.
+    text, header : str
+        Of ``<prefix>.c`` and ``<prefix>.h``.
+
+    Returns
+    -------
+    tuple of Constant
+
+    Raises
+    ------
+    CertificateError
+        A constant differs, is missing, or is one too many.
+    """
+    d = view.build(design, real, layout)
+    t = design.observer.tables[real]
+    names = Names(d.prefix, d.macro, real, tuple(m.name for m in design.plant.modes),
+                  tuple(m.name for m in d.modes))
+    source, found = read(d.prefix, text, header), _Found()
+    try:
+        for spec in families.specs(design.observer.family, t, names, d.x, d.y):
+            for q, mode in enumerate(names.modes):
+                _read_map(source, spec, q, mode, found)
+        _read_ranges(source, d, t, found)
+        _read_dwell(source, d.prefix, design.observer.supervision, found)
+    except (LookupError, TypeError, ValueError, AttributeError) as error:  # an index out of range, a name unknown ...
+        raise CertificateError(f"{source.name}: is not the C that residua prints ({type(error).__name__}: {error}). "
+                               "Print it again.") from error
+    return found.constants()
+
+
+class _Found:
+    """Collects entries by constant; the same number read twice has two lines."""
+
+    def __init__(self):
+        self.entries: dict[tuple[str, str, str], dict[tuple[int, ...], Entry]] = {}
+
+    def add(self, name: str, mode: str, function: str, index: tuple[int, ...], expected, c: Coefficient) -> None:
+        """Compare what was read with what is expected, and keep it."""
+        if c.value != Fraction(float(expected)):
+            where = f"line {c.line}" if c.line else "no line"
+            raise CertificateError(f"{function}: {name}{list(index)}{f' of mode {mode!r}' if mode else ''} is "
+                                   f"{float(c.value)!r} in the C ({where}), expected {float(expected)!r}. Print it "
+                                   "again.")
+        group = self.entries.setdefault((name, mode, function), {})
+        old = group.get(index)
+        lines = {*(old.lines if old else ()), *([c.line] if c.line else [])}
+        literal = old.literal if old and old.literal else c.literal
+        group[index] = Entry(index, float(expected), literal, tuple(sorted(lines)))
+
+    def constants(self) -> tuple[Constant, ...]:
+        """Return what was found, in the order in which it was read."""
+        return tuple(Constant(*key, tuple(group.values())) for key, group in self.entries.items())
+
+
+def _read_map(source: Source, spec: MapSpec, q: int, mode: str, found: _Found) -> None:
+    """Execute a map in one mode and compare every row of both framers with the tables."""
+    prefix = spec.names.prefix
+    machine = Machine(source, spec.names.real, {"in->mode": q, "s->mode": q}, skip=frozenset({f"{prefix}_cut"}))
+    machine.call(spec.name)
+    for side, other in (SIDES, SIDES[::-1]):
+        for i in range(len(spec.rows)):
+            row = dict(machine.memory.get(f"{spec.target(side)}[{i}]", {}))
+            for part in spec.common:
+                for j, value in enumerate(part.side(side)[q, i]):
+                    found.add(part.label(side), mode, spec.name, (i, j), value, _take(row, f"{part.operand}[{j}]"))
+            found.add(spec.offset.label(side), mode, spec.name, (i,), spec.offset.side(side)[q, i], _take(row, ""))
+            for j, value in enumerate(spec.state.side(side)[q, i]):
+                own, opposite = (f"{spec.state.operand}_{s}[{j}]" for s in (side, other))
+                operand = opposite if spec.by_sign and value < 0 else own
+                found.add(spec.state.label(side), mode, spec.name, (i, j), value, _take(row, operand))
+            measured = _take(row, f"{spec.minus}[{i}]") if spec.minus else NOWHERE
+            extra = [operand for operand, c in row.items() if c.value]
+            if extra or measured.value != (-1 if spec.minus else 0):
+                raise CertificateError(f"{source.name}: row {i} of {spec.name} in mode {mode!r} has a term with "
+                                       f"{', '.join(extra) or spec.minus} that the tables do not know. Print it again.")
+
+
+def _take(row: Affine, operand: str) -> Coefficient:
+    return row.pop(operand, NOWHERE)
+
+
+def _read_ranges(source: Source, d, t, found: _Found) -> None:
+    """Read the input checks, the cut and the boxes to start from."""
+    for check in d.checks:
+        machine = Machine(source, d.real)
+        machine.call(check.name)
+        bounds = {(operand, op): c for operand, op, c in machine.compared}
+        for side, op in (("lo", ">="), ("hi", "<=")):
+            name = f"{check.vector}_{side}"
+            for i, value in enumerate(getattr(t, name)):
+                found.add(name, "", check.name, (i,), value, bounds.get((f"in->{check.vector}[{i}]", op), NOWHERE))
+    cut = Machine(source, d.real, clip=frozenset({f"{d.prefix}_clip"}))
+    cut.call(f"{d.prefix}_cut")
+    for framer in SIDES:
+        for i in range(len(t.x_lo)):
+            place = f"x_{framer}[{i}]"
+            kept = set(cut.memory.get(place, {})) == {place}
+            for side, c in zip(SIDES, cut.clipped[place] if kept else (NOWHERE, NOWHERE)):
+                found.add(f"x_{side}", "", f"{d.prefix}_cut", (i,), getattr(t, f"x_{side}")[i], c)
+    for function, vector in (("init", "x0"), ("whole_range", "x")):
+        machine = Machine(source, d.real, skip=frozenset({f"{d.prefix}_clear"}))
+        machine.call(f"{d.prefix}_{function}")
+        for side in SIDES:
+            for i, value in enumerate(getattr(t, f"{vector}_{side}")):
+                stored = machine.memory.get(f"s->x_{side}[{i}]", {})
+                c = stored[""] if set(stored) == {""} else NOWHERE
+                found.add(f"{vector}_{side}", "", f"{d.prefix}_{function}", (i,), value, c)
+
+
+def _read_dwell(source: Source, prefix: str, s, found: _Found) -> None:
+    """Read the leaky bucket's integers: what a sample takes out, what a switch puts in, what is too much."""
+    if not s.monitors_dwell:
+        return
+    function = f"{prefix}_watch_dwell"
+    uses = []
+    for node in walk(source.function(function)):
+        left, right = (getattr(node, a, None) or getattr(node, b, None)
+                       for a, b in (("lvalue", "left"), ("rvalue", "right")))
+        if getattr(getattr(left, "field", None), "name", "") == "bucket" and type(right).__name__ == "Constant":
+            literal = right.value
+            uses.append((node.op, Coefficient(Fraction(int(literal.rstrip("U"))), literal, right.coord.line)))
+    expected = [(">", s.dwell_drain, "dwell_drain"), ("-=", s.dwell_drain, "dwell_drain"), ("=", 0, ""),
+                ("+=", s.dwell_add, "dwell_add"), (">", s.dwell_limit, "dwell_limit"),
+                ("=", s.dwell_limit, "dwell_limit"), ("==", 0, "")]
+    if [op for op, _ in uses] != [op for op, _, _ in expected]:
+        raise CertificateError(f"{source.name}: {function} does not handle the bucket as expected. Print it again.")
+    for (_, c), (_, value, name) in zip(uses, expected):
+        if name:
+            found.add(name, "", function, (), np.int64(value), c)
+        elif c.value:
+            raise CertificateError(f"{source.name}:{c.line}: {function} has {c.literal} (expected 0U). Print it again.")

@@ -1,0 +1,187 @@
+"""Gappa confirms the rounding margins of every design that is kept; what is wrong it does not confirm."""
+
+import re
+import shutil
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.designs import VARIANTS, stand_in
+from helpers.folders import write
+from helpers.tools import need
+
+from codegen.designs import read_design
+from codegen.emit import files
+from codegen.errors import ToolError, ValidationError
+from codegen.observers.framer import open_loop, propagate, residuals
+from codegen.target.gappa import prove_rounding, require_rounding
+
+GENERATED = sorted(p.parent for p in (Path(__file__).resolve().parents[2] / "generated").glob("*/design.json"))
+REALS = ("float32", "float64")
+SMALL = 30  # sums: a larger script is proved in the number type of the plant file only
+DEFINITION = r"(?m)^{} (?:r=|=)\n((?:    .*\n)*?    .*);$"
+
+
+def copy(folder, to, real=None, layout=None):
+    """Copy a kept folder, with the script as it is printed now; return the copy and the script's path."""
+    design = read_design(folder)
+    made = Path(shutil.copytree(folder, to / "copy"))
+    name = f"rounding_{design.plant.target.prefix}.g"
+    (made / name).write_text(files(design, real, layout, measure=False)[name], encoding="ascii")
+    return made, made / name
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("folder", GENERATED, ids=lambda f: f.name)
+def test_every_kept_design_is_confirmed(folder, real, tmp_path):
+    need("gappa")
+    made, script = copy(folder, tmp_path, real)
+    if real != read_design(folder).plant.target.real and script.read_text().count(" r=\n") > SMALL:
+        pytest.skip("a large script: proved in the type of the plant file")
+    result = prove_rounding(made)
+    assert result.proved and not result.alarms, result.alarms
+    assert result.rows >= 2 * (2 * read_design(folder).plant.n_x + 1) and result.version.startswith("1")
+
+
+def scaled(number, factor):
+    return (float.fromhex(number) * factor).hex()
+
+
+def shrink(text, name):
+    return re.sub(rf"(exact_{name}\| <= )(\S+)", lambda m: m[1] + scaled(m[2], 0.4), text)
+
+
+def widen(text, name):
+    """Widen the range of every operand of the sum."""
+    operands = set(re.findall(r"(?:in|out|s)_\w+", re.search(DEFINITION.format(name), text)[1]))
+    return re.sub(r"(?m)^( +(\w+) in )\[(\S+), (\S+)\]",
+                  lambda m: f"{m[1]}[{scaled(m[3], 1000)}, {scaled(m[4], 1000)}]" if m[2] in operands else m[0], text)
+
+
+def change(text, name):
+    """Change the last coefficient or offset of the exact sum by a thousandth."""
+    found = re.search(DEFINITION.format(f"exact_{name}"), text)
+    last = list(re.finditer(r"0x[0-9a-f.]+p[+-]\d+", found[1]))[-1]
+    at = found.start(1)
+    return text[:at + last.start()] + scaled(last[0], 1.001) + text[at + last.end():]
+
+
+def rows(text):
+    """Rows that round at all: those with a product or a sum of numbers that are not alone."""
+    return [n for n in re.findall(r"(?m)^(\w+) r=$", text) if len(re.findall("0x", re.search(
+        DEFINITION.format(n), text)[1])) > 1]
+
+
+def alone(text, name):
+    """Keep one row: Gappa takes long over what fails beside much else."""
+    for other in set(re.findall(r"(?m)^(\w+) r=$", text)) - {name}:
+        text = re.sub(DEFINITION.format(other), "", re.sub(DEFINITION.format(f"exact_{other}"), "", text))
+        text = re.sub(rf"(?m)^ +\|{other} .*\n", "", text)
+    return text
+
+
+@pytest.mark.parametrize("wrong", [shrink, widen, change])
+@pytest.mark.parametrize("folder", GENERATED, ids=lambda f: f.name)
+def test_what_is_wrong_is_not_confirmed(folder, wrong, tmp_path):
+    """One row of each design, another one for each mistake; without the mistake it is confirmed."""
+    need("gappa")
+    made, script = copy(folder, tmp_path)
+    text = script.read_text()
+    known = rows(text)
+    name = known[[shrink, widen, change].index(wrong) * len(known) // 3]
+    text = alone(text, name)
+    script.write_text(text)
+    assert prove_rounding(made).proved
+    script.write_text(wrong(text, name))
+    assert script.read_text() != text
+    result = prove_rounding(made)
+    assert not result.proved and any(name in alarm for alarm in result.alarms), result.alarms
+    with pytest.raises(ValidationError, match="margins are not all proved"):
+        require_rounding(result)
+
+
+def evaluate(text, name, values, number):
+    """Calculate a sum of the script with numbers of a type, in the order in which C would."""
+    source = re.sub(r"0x[0-9a-f.]+p[+-]\d+", lambda m: f"number(float.fromhex('{m[0]}'))",
+                    " ".join(re.search(DEFINITION.format(name), text)[1].split()))
+    return eval(source, {"number": number, "float": float, **{k: number(v) for k, v in values.items()}})
+
+
+def fraction(value):
+    return Fraction(float(value))
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("family,variant", [(f, v) for f in ("interval", "tnl") for v in VARIANTS])
+def test_script_is_about_the_sums_of_the_reference(family, variant, real):
+    """Rounded, the script's sums are those of the numpy step, with ==; exact, both have the same words."""
+    design = stand_in(family, prefix="cart", **VARIANTS[variant])
+    texts = [files(design, real, layout, measure=False)["rounding_cart.g"] for layout in ("literal", "table", "loop")]
+    assert len({re.sub(r"(?m)^#.*", "", text) for text in texts}) == 1
+    text, t, rng = texts[0], design.observer.tables[real], np.random.default_rng(1)
+    x_lo, x_hi = np.sort(rng.uniform(-t.box, t.box, (2, 1, len(t.box))), axis=0).astype(real)
+    u, y, y_next = (rng.uniform(-1, 1, (1, n)).astype(real) for n in (len(t.u_lo), len(t.y_lo), len(t.y_lo)))
+    own, last = ("out", "in") if family == "interval" else ("s", "s")
+    zero = y_next * 0 if family == "interval" else y_next
+    values = {f"{s}_x_{side}_{j}": v for s in ("out", "s") for side, x in (("lo", x_lo), ("hi", x_hi))
+              for j, v in enumerate(x[0])}
+    values |= {f"{s}_u_{j}": v for s in ("in", "s") for j, v in enumerate(u[0])}
+    values |= {f"in_y_{j}": v for j, v in enumerate(y_next[0])} | {f"{last}_y_{j}": v for j, v in enumerate(y[0])}
+    checked = 0
+    uncut = type(t)(**{**vars(t), "clamp": False, "x_lo": t.x_lo * 0 - np.inf, "x_hi": t.x_lo * 0 + np.inf})
+    for group in re.findall(r'(?m)^# .*, (lo|hi), mode (.*): margin .*\n(cart_(\w+?)_(?:lo|hi)_(\d+)_\w+) r=$', text):
+        side, modes, name, which, i = group
+        for q, mode in enumerate(design.plant.modes):
+            if f'"{mode.name}"' not in modes:
+                continue
+            at = np.array([q])
+            result = {"forward": propagate(uncut, at, x_lo, x_hi, u, y, zero),
+                      "blind": open_loop(uncut, at, x_lo, x_hi, u),
+                      "residual": residuals(uncut, at, x_lo, x_hi, u, y * 0)}[which]
+            assert evaluate(text, name, values, np.dtype(real).type) == result[side == "hi"][0, int(i)], name
+            rounded, exact = (evaluate(text, n, values, fraction) for n in (name, f"exact_{name}"))
+            assert rounded == exact
+            checked += 1
+    n_modes, n_x, n_y = len(design.plant.modes), len(t.box), len(t.y_lo)
+    assert checked == n_modes * 2 * (2 * n_x + n_y)
+
+
+def test_a_script_that_states_too_little_is_refused(tmp_path):
+    folder = write(stand_in("tnl", prefix="cart"), tmp_path)
+    script = folder / "rounding_cart.g"
+    text = script.read_text()
+    script.write_text(re.sub(r"(?m)^ +\|cart_forward_lo_0_mode_0 .*\n", "", text))
+    with pytest.raises(ToolError, match="expected as many of each"):
+        prove_rounding(folder)
+    script.write_text("{ 0 <= 1 }\n")
+    with pytest.raises(ToolError, match="states 0 rounded sums"):
+        prove_rounding(folder)
+
+
+def test_an_offset_smaller_than_what_it_must_hold_is_not_confirmed(tmp_path):
+    """The offsets of a stand-in are random: some leave less than nothing for rounding."""
+    need("gappa")
+    folder = write(stand_in("tnl", prefix="cart"), tmp_path)
+    assert "<= -0x" in (folder / "rounding_cart.g").read_text()
+    assert not prove_rounding(folder).proved
+
+
+def test_a_broken_script_is_an_error_of_the_tool(tmp_path):
+    need("gappa")
+    folder, script = copy(GENERATED[0], tmp_path)
+    script.write_text(script.read_text().replace("@r = ", "@r "))
+    with pytest.raises(ToolError, match="gappa: failed"):
+        prove_rounding(folder)
+
+
+def test_what_is_missing_is_named(tmp_path, monkeypatch):
+    with pytest.raises(ToolError, match="resources.json"):
+        prove_rounding(tmp_path)
+    folder = write(stand_in(prefix="cart"), tmp_path / "cart")
+    monkeypatch.setenv("PATH", "/nowhere")
+    with pytest.raises(ToolError, match="gappa: not found. Install it"):
+        prove_rounding(folder)
+    (folder / "rounding_cart.g").unlink()
+    with pytest.raises(ToolError, match=r"rounding_cart.g: not found"):
+        prove_rounding(folder)
