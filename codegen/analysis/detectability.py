@@ -17,8 +17,8 @@ from itertools import product
 import numpy as np
 
 from ..algebra.dwell import admissible
+from . import robust
 from .adjoint import ResidualModel, extremes, fault_response
-from .robust import thresholds
 
 Array = np.ndarray
 
@@ -89,7 +89,7 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
     if tails is None or not plant.f:
         return [SureFault(f.name, f.unit, infinite) for f in plant.f]
     if t.vary is not None:
-        return [SureFault(f.name, f.unit, thresholds(plant.observed.modes, t, tails, j, within))
+        return [SureFault(f.name, f.unit, robust.thresholds(plant.observed.modes, t, tails, j, within))
                 for j, f in enumerate(plant.f)]
     model = ResidualModel.of(plant.modes, t)
     before = 1
