@@ -72,7 +72,8 @@ def rounding(design, d: DesignView) -> RoundingView:
     """
     t = design.observer.tables[d.real]
     names = Names(d.prefix, d.macro, d.real, tuple(m.name for m in d.modes), tuple(m.macro for m in d.modes))
-    specs = families.specs(design.observer.family, t, names, d.x, d.y)
+    # TODO: the rows of Varying maps.
+    specs = [s for s in families.specs(design.observer.family, t, names, d.x, d.y) if isinstance(s, MapSpec)]
     margins = _margins(design.plant.modes, t)
     rows = [row for spec in specs for side in SIDES for i in range(len(spec.rows))
             for row in _rows(spec, side, i, margins)]

@@ -31,7 +31,7 @@ import cvxpy as cp
 import numpy as np
 
 from ..algebra.dwell import ratio, shortest, switching_factor
-from .problem import Candidate, Problem, slopes, tidy
+from .problem import Candidate, Problem, slopes, smaller, tidy
 
 Array = np.ndarray
 
@@ -109,8 +109,8 @@ class LinfProblem:
         L = np.array([W.value for W in self.W]) / P[:, :, None]
         N = np.array([X.value for X in self.X]) / P[:, :, None] if self.problem.tnl else np.zeros_like(L)
         steps = np.array([[W.value / p[:, None] for W in row] for row, p in zip(self.slopes, P)])
-        return {"L_theta": steps.reshape(modes, -1, *L.shape[1:]), "L": np.array([tidy(g) for g in L]), "N": np.array([tidy(g) for g in N]), "P": P,
-                "mu": float(self.mu.value)}
+        return {"L": np.array([tidy(g) for g in L]), "N": np.array([tidy(g) for g in N]), "P": P,
+                "L_theta": steps.reshape(modes, -1, *L.shape[1:]), "mu": float(self.mu.value)}
 
 
 def jump_factors(problem: Problem, lam: float) -> list[tuple[float, tuple[int, int]]]:
@@ -145,16 +145,19 @@ def candidates(problem: Problem, options: dict, progress: Callable[[str], None])
     kinds = [options["lyapunov"]] if "lyapunov" in options else ["common"] + ["multiple"] * (problem.tau is not None)
     for kind in kinds:
         lmi = LinfProblem(problem, kind == "multiple")
-        found = False
-        tries = [(lam, rho, dwell) for lam in decays
-                 for rho, dwell in (jump_factors(problem, lam) if lmi.multiple else [(1.0, (1, 1))])]
-        for n, (lam, rho, dwell) in enumerate(tries, 1):
-            progress(f"linf {kind}, {n} of {len(tries)}: lambda {lam:g}"
-                     + (f", jump factor {rho:.3g}" if lmi.multiple else ""))
-            solved = lmi.solve(lam, rho)
-            if solved is not None:
-                found = True
-                yield candidate(problem, kind, lam, solved, dwell)
+        found, rates = False, decays
+        while rates:
+            tries = [(lam, rho, dwell) for lam in rates
+                     for rho, dwell in (jump_factors(problem, lam) if lmi.multiple else [(1.0, (1, 1))])]
+            for n, (lam, rho, dwell) in enumerate(tries, 1):
+                progress(f"linf {kind}, {n} of {len(tries)}: lambda {lam:.4g}"
+                         + (f", jump factor {rho:.3g}" if lmi.multiple else ""))
+                solved = lmi.solve(lam, rho)
+                if solved is not None:
+                    found = True
+                    yield candidate(problem, kind, lam, solved, dwell)
+            again = not found and rates is DECAYS and not lmi.multiple
+            rates = smaller(lambda lam: lmi.solve(lam) is not None, DECAYS[0]) if again else ()
         if not found and lmi.multiple and problem.tau is None:
             yield from slower(problem, lmi, decays, progress)
 

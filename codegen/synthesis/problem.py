@@ -152,3 +152,26 @@ def slopes(problem: Problem, solved: dict) -> Array | None:
     steps = solved.get("L_theta")
     steps = np.zeros((modes, 0, n, p)) if steps is None else steps
     return np.array([[tidy(g) for g in row] for row in steps]).reshape(modes, problem.parameters, n, p)
+
+
+def smaller(feasible: Callable[[float], bool], least: float) -> tuple[float, ...]:
+    """Rates below ``least`` at which a design exists: a plant that is sampled fast decays little per sample.
+
+    Parameters
+    ----------
+    feasible : callable
+        Whether there is a design at a rate.
+    least : float
+        Smallest rate that was tried without success.
+
+    Returns
+    -------
+    tuple of float
+        Empty where nothing was found down to a 16000th of it.
+    """
+    rate = least
+    for _ in range(14):
+        rate /= 2
+        if feasible(rate):
+            return tuple(rate * share for share in (1.8, 1.5, 1.25, 1.0, 0.7, 0.4, 0.2))
+    return ()

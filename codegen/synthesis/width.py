@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator
 import cvxpy as cp
 import numpy as np
 
-from .problem import Candidate, Problem, slopes, tidy
+from .problem import Candidate, Problem, slopes, smaller, tidy
 
 #: Contraction rates tried.
 RATES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97)
@@ -117,11 +117,15 @@ def candidates(problem: Problem, options: dict, progress: Callable[[str], None])
     progress : callable
     """
     lp = WidthProblem(problem)
-    rates = (float(options["contraction"]),) if "contraction" in options else RATES
-    for n, a in enumerate(rates, 1):
-        progress(f"width, {n} of {len(rates)}: contraction {a:g}")
-        solved = lp.solve(a)
-        if solved is not None:
-            # Rounding may eat a little of the contraction: claim slightly less than was asked for.
-            proof = {"kind": "width", "p": solved["p"].tolist(), "a": a * (1 - 1e-4)}
-            yield Candidate(f"width, contraction {a:g}", solved["L"], solved["N"], proof, slopes(problem, solved))
+    rates, found = (float(options["contraction"]),) if "contraction" in options else RATES, False
+    while rates:
+        for n, a in enumerate(rates, 1):
+            progress(f"width, {n} of {len(rates)}: contraction {a:.4g}")
+            solved = lp.solve(a)
+            if solved is not None:
+                found = True
+                # Rounding may eat a little of the contraction: claim slightly less than was asked for.
+                proof = {"kind": "width", "p": solved["p"].tolist(), "a": a * (1 - 1e-4)}
+                yield Candidate(f"width, contraction {a:.4g}", solved["L"], solved["N"], proof, slopes(problem, solved))
+        again = not found and rates is RATES
+        rates = smaller(lambda a: lp.solve(a) is not None, RATES[0]) if again else ()
