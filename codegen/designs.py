@@ -168,6 +168,21 @@ def _plant(path: Path, text: str) -> Plant:
         return loads(text, name=name, folder=folder, scenarios=False)
 
 
+def claims_of(plant: Plant, t: FramerTables, cert: dict) -> list[str]:
+    """What is proved of one table, one sentence per claim; a continuous plant is sampled anew for it.
+
+    Raises
+    ------
+    CertificateError
+    """
+    claims = check(plant.observed.modes, t, cert)
+    if plant.kind == "continuous":
+        claims.append(f"between samples, {plant.sample_period:g} s apart, disturbances and parameters may move as they like "
+                      "within their bounds and rates: the tables enclose the continuous plant at the samples (the "
+                      "transition over a period, recomputed in ball arithmetic at each check)")
+    return claims
+
+
 def recheck(design: Design) -> dict[str, list[str]]:
     """Repeat every condition of the certificate in exact arithmetic, without the solver.
 
@@ -190,7 +205,7 @@ def recheck(design: Design) -> dict[str, list[str]]:
     limits = {"x": plant.limits("x"), "x0": (plant.x0_lo, plant.x0_hi)}
     for real, t in design.observer.tables.items():
         cert = design.certificate[real]
-        proved[real] = check(plant.observed.modes, t, cert)
+        proved[real] = claims_of(plant, t, cert)
         check_ranges(limits, t)
         check_monitor(design.observer.supervision, cert)
         if proved[real] != design.proved[real]:

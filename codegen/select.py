@@ -10,9 +10,9 @@ import numpy as np
 from .algebra.dwell import ratio, shortest
 from .analysis.detectability import SureFault, limited, surely_detected
 from .analysis.quick import QuickJudge
-from .certify.claims import check, prove, ultimate_width
+from .certify.claims import prove, ultimate_width
 from .certify.freeze import freeze
-from .designs import Design
+from .designs import Design, claims_of
 from .errors import CertificateError, DesignError
 from .observers import FAMILIES, FramerTables, Supervision
 from .periods import longest
@@ -283,7 +283,7 @@ def finish(plant: Plant, trials: list[Trial], options: dict) -> Design:
         except CertificateError:
             continue  # the other number type may be too coarse; generate says so when asked for it
         tables[real], certs[real] = t, cert
-        proved[real] = check(plant.observed.modes, t, cert)
+        proved[real] = claims_of(plant, t, cert)
         within = int(options.get("within", WITHIN))
         faults[real] = [{"channel": f.channel, "unit": f.unit, "by_delay": [finite(x) for x in f.by_delay]}
                         for f in surely_detected(plant, t, cert, within)]
