@@ -177,8 +177,8 @@ def claims_of(plant: Plant, t: FramerTables, cert: dict) -> list[str]:
     """
     claims = check(plant.observed.modes, t, cert)
     if plant.kind == "continuous":
-        claims.append(f"between samples, {plant.sample_period:g} s apart, disturbances and parameters may move as they like "
-                      "within their bounds and rates: the tables enclose the continuous plant at the samples (the "
+        claims.append(f"between samples, {plant.sample_period:g} s apart, disturbances and parameters may move as they "
+                      "like within their bounds and rates: the tables enclose the continuous plant at the samples (the "
                       "transition over a period, recomputed in ball arithmetic at each check)")
     return claims
 

@@ -88,7 +88,8 @@ def both_sides(c: Candidate, plant: Plant, module) -> dict:
     gains = {"L_hi": c.L, "L_lo": c.L, "N_hi": c.N, "N_lo": c.N}
     if c.L_theta is not None:
         gains |= {"L_theta": c.L_theta, "midpoint": plant.reads_both_ends,
-                  "columns": [j for j, s in enumerate(plant.theta) if s.measured], "split": getattr(module, "SPLIT", False)}
+                  "columns": [j for j, s in enumerate(plant.theta) if s.measured],
+                  "split": getattr(module, "SPLIT", False)}
     return gains
 
 

@@ -42,8 +42,9 @@ def steps_of(t) -> list[tuple[int, Array, Array, Array, Array]]:
         vary = t.vary
         for corner in product(*zip(vary.theta_lo[q].astype(float), vary.theta_hi[q].astype(float))):
             at = np.array(corner).reshape(-1, 1, 1)
-            out.append((q, M + np.sum(at * vary.M[q].astype(float), axis=0), L + np.sum(at * vary.L[q].astype(float), axis=0),
-                        N, vary.R[q].astype(float)))
+            M_at, L_at = (base + np.sum(at * slopes[q].astype(float), axis=0)
+                          for base, slopes in ((M, vary.M), (L, vary.L)))
+            out.append((q, M_at, L_at, N, vary.R[q].astype(float)))
     return out
 
 

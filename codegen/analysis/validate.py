@@ -165,7 +165,7 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
 
 
 def side_by_side(truths: list[PlantTrace]) -> tuple[Array, Array, Array, Array]:
-    """Inputs, outputs, modes and parameters of runs of different lengths, for one call; the short ones end in missing samples.
+    """Inputs, outputs, modes and parameters of runs of different lengths, for one call; missing samples at the end.
 
     Returns
     -------

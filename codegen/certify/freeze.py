@@ -42,8 +42,8 @@ def freeze(tables_class, modes, limits: dict, gains: dict, real: str):
         "x", "x0", "u", "y" -> (lo, hi) arrays.
     gains : dict
         "L_hi", "L_lo", "N_hi", "N_lo" -> ndarray (n_modes, n_x, n_y), float64; for a plant with parameters or unknowns
-        also "L_theta" (n_modes, J, n_x, n_y), "columns" and "midpoint" of ``Variation``, and "split" (negative entries of
-        M are wanted).
+        also "L_theta" (n_modes, J, n_x, n_y), "columns" and "midpoint" of ``Variation``, and "split" (negative entries
+        of M are wanted).
     real : {"float32", "float64"}
 
     Returns
@@ -132,7 +132,7 @@ def vary_mode(mode, L: Array, N: Array, slopes: Array, n: dict, split: bool, rea
                 total = total + abs(product(T_of, F))
             out[name] = worthwhile(total, weight, weight_x, real)
     noise = noise_size(p)
-    moved = np.any(np.array([[[x != 0 for x in row] for row in g] for g in Lj], dtype=bool).reshape(-1, *L.shape), axis=0)
+    moved = np.any(np.asarray(slopes) != 0, axis=0) if len(slopes) else np.zeros(L.shape, dtype=bool)
     out["E"] = np.array([[up(noise[j], real) if moved[i, j] else 0.0 for j in range(L.shape[1])]
                          for i in range(len(L))], dtype=real)
     return out

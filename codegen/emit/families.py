@@ -96,8 +96,8 @@ def _varying(family: str, t, forward: MapSpec, blind: MapSpec, inputs: str) -> t
     forward = replace(forward, equation=(*heading, *middle))
     blind = replace(blind, equation=("x_hi+ = pos(A) x_hi - neg(A) x_lo + B u + a_hi + radius,  radius = "
                                      "R max(-x_lo, x_hi) + S |u|",
-                                     "x_lo+ = pos(A) x_lo - neg(A) x_hi + B u + a_lo - radius, both cut to the range of "
-                                     "x, for every theta within its bounds"))
+                                     "x_lo+ = pos(A) x_lo - neg(A) x_hi + B u + a_lo - radius, both cut to the range "
+                                     "of x, for every theta within its bounds"))
     return (Varying(forward, theta, {"M": vary.M, "G": vary.G, "L": vary.L}, t.flipped, vary.R, vary.S, vary.E, inputs),
             Varying(blind, (), {}, None, vary.Ra, vary.Sa, np.zeros_like(vary.E[:, :, :0]), inputs))
 

@@ -26,7 +26,8 @@ FAULTS, MISSING, RESETS = (4, 5, 13), (9, 30, 31), (24,)
 class Vector:
     """One sample: inputs, what is called, and what the reference answered; all printed.
 
-    ``inputs`` holds one initialiser or none, ``read`` those of y and, where there are some, of theta; ``call`` is 0 for predict, 1 for step, 2 for reset and then step.
+    ``inputs`` holds one initialiser or none, ``read`` those of y and, where there are some, of theta; ``call`` is 0
+    for predict, 1 for step, 2 for reset and then step.
     """
 
     inputs: tuple[str, ...]
@@ -144,7 +145,7 @@ def vectors(design, real: str) -> tuple[Vector, ...]:
     trace = _answers(copy(design.observer), design.observer.tables[real], u, y, q, theta, measured)
     r_lo, r_hi = (np.where(measured[:, None], a, 0).astype(y.dtype) for a in (trace.r_lo, trace.r_hi))
     return tuple(Vector((initialiser(u[k], real),) if u.shape[1] else (),
-                        (initialiser(y[k], real), *((initialiser(theta[k], real),) if theta.shape[1] else ())), int(q[k]),
+                        (initialiser(y[k], real), *([initialiser(theta[k], real)] * bool(theta.shape[1]))), int(q[k]),
                         2 if k in RESETS else int(measured[k]),
                         initialiser(trace.x_lo[k], real), initialiser(trace.x_hi[k], real),
                         initialiser(r_lo[k], real), initialiser(r_hi[k], real), int(trace.raw_bits[k]),

@@ -97,7 +97,7 @@ def harness(design, d: DesignView) -> HarnessView:
 
 
 def _accepted(vectors, t):
-    """Ranges that every mode accepts: of the parameters what all boxes have in common, their hull if that is nothing."""
+    """Ranges that every mode accepts: of the parameters what all boxes share, or else their hull."""
     for vector, lo, hi in vectors:
         if vector == "theta":
             inner = t.vary.theta_lo.max(axis=0), t.vary.theta_hi.min(axis=0)

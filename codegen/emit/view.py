@@ -33,7 +33,7 @@ class Field:
 
 @dataclass(frozen=True)
 class RangeCheck:
-    """A function that accepts a vector within its ranges: one expression (over tables by mode), or tables and a loop."""
+    """A function that accepts a vector within its ranges: one expression (tables by mode in it), or a loop."""
 
     name: str
     vector: str
@@ -209,7 +209,8 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         dwell=(Dwell(f"{s.dwell_add}U", f"{s.dwell_drain}U", f"{s.dwell_limit}U"),) if s.monitors_dwell else (),
         remember=("s->mode = in->mode;",) if fields.has_mode else (),
         assured=_truth(["(!fault)", *quiet]), assured_blind=_truth(quiet),
-        last_items=_last_items(names, bool(theta)), last_status=f"{names.macro}_BAD_{'PARAMETER' if theta else 'OUTPUT'}",
+        last_items=_last_items(names, bool(theta)),
+        last_status=f"{names.macro}_BAD_{'PARAMETER' if theta else 'OUTPUT'}",
         last_refusal=f"{names.macro}_BAD_{'PARAMETER' if theta else 'INPUT'}")
 
 

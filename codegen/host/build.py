@@ -24,7 +24,7 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
 
 @dataclass(frozen=True)
 class HostView:
-    """What the batch glue's template prints; ``inputs`` holds the macro of n_u, or nothing without; so ``parameters``."""
+    """What the batch glue's template prints; ``inputs`` is the macro of n_u, or nothing without; so ``parameters``."""
 
     prefix: str
     macro: str

@@ -133,7 +133,7 @@ class IntervalObserver:
         return self.run_many(np.asarray(u)[None], y[None], q[None], real, x0_lo, x0_hi, theta).row(0)
 
     def run_many(self, u, y, q, real="float32", x0_lo=None, x0_hi=None, theta=None) -> Trace:
-        """As ``run`` for S runs at once: u (S, K, n_u), y (S, K, n_y), q (S, K), theta (S, K, J) -> Trace of (S, K, ...)."""
+        """As ``run`` for S runs at once: u (S, K, n_u), y (S, K, n_y), q (S, K), theta (S, K, J)."""
         t = self.tables[real]
         u, y, q = np.asarray(u).astype(t.dtype), np.asarray(y).astype(t.dtype), np.asarray(q)
         theta = np.empty((*q.shape, 0)) if t.vary is None or theta is None else t.vary.read(np.asarray(theta))

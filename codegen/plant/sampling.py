@@ -145,7 +145,7 @@ class Period:
                 linear = sum((mul(mul(powers["plain"][a], Tb), powers["plain"][k - 1 - a]) for a in range(k)), 0 * Fb)
                 term = term + powers["middle"][k] - powers["plain"][k] - linear
                 if k == 2:
-                    for j, (kj, Fj) in enumerate(zip(self.known, self.slopes)):
+                    for kj, Fj in zip(self.known, self.slopes):
                         term = term - kj * kj * mul(size(Fj), size(Fj))
             else:
                 term = term + powers["middle"][k]
@@ -239,7 +239,7 @@ def upper(x: arb) -> float:
 
 
 def _discrete(plant, mode, period: Period, known, middle, lo, hi) -> UncertainMode:
-    n, h = plant.n_x, period.h
+    n = plant.n_x
     base, spread = middles(period.nominal()[:n])
     slopes, radius = [], period.radius()[:n] + balls(spread)
     shift = base * 0.0

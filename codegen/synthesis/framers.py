@@ -16,7 +16,8 @@ Array = np.ndarray
 #: Options of ``[observer]`` that the interval family reads, with what they may be.
 OPTIONS = {
     "criterion": ("linf", "width", "detection"), "lyapunov": ("common", "multiple"), "lambda": (0.0, 1.0),
-    "contraction": (0.0, 1.0), "sampling": ("euler", "second-order", "exponential"), "gain_cap": (0.0, 1e6), "evaluations": (1, 100000), "within": (0, 50), "gains": dict,
+    "contraction": (0.0, 1.0), "sampling": ("euler", "second-order", "exponential"),
+    "gain_cap": (0.0, 1e6), "evaluations": (1, 100000), "within": (0, 50), "gains": dict,
 }
 
 
@@ -61,8 +62,8 @@ def inapplicable_varying(plant, tnl: bool, split: bool = False) -> str | None:
         return 'the plant has constant matrices in discrete time. Use method "tnl-interval" or "interval".'
     for mode in plant.modes:
         for name in set(mode.theta_terms) - {"A", "B"}:
-            return (f'{name} of mode "{mode.name}" depends on a parameter, expected only A and B to. Take the middle and '
-                    "widen the bounds of w or v by the rest.")
+            return (f'{name} of mode "{mode.name}" depends on a parameter, expected only A and B to. Take the middle '
+                    "and widen the bounds of w or v by the rest.")
     if split and any(s.measured for s in plant.theta):
         return ('parameters are measured, expected none: use "lpv-interval" or "tnl-interval-lpv", or set measured = '
                 "false.")

@@ -157,7 +157,7 @@ def candidates(problem: Problem, options: dict, progress: Callable[[str], None])
                     found = True
                     yield candidate(problem, kind, lam, solved, dwell)
             again = not found and rates is DECAYS and not lmi.multiple
-            rates = smaller(lambda lam: lmi.solve(lam) is not None, DECAYS[0]) if again else ()
+            rates = smaller(lmi.solve, DECAYS[0]) if again else ()
         if not found and lmi.multiple and problem.tau is None:
             yield from slower(problem, lmi, decays, progress)
 

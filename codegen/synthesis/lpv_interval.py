@@ -14,8 +14,8 @@ Source: Zammali (2020), Theorems 6 to 10. Differences from the print:
 
 * (3.7), (3.14) leave out "for every corner"; Theorem 7 and Theorem 10 leave out the rows that make A - L C
   nonnegative, and Theorem 10 needs a diagonal P for them.
-* Theorems 6 to 8 are run in continuous time there. Explicit Euler of them loses the state (206 of 400 samples at 5 ms in
-  the first example); the continuous design has no counterpart here, the sampled plant is designed for directly.
+* Theorems 6 to 8 are run in continuous time there. Explicit Euler of them loses the state (206 of 400 samples at 5 ms
+  in the first example); the continuous design has no counterpart here, the sampled plant is designed for directly.
 * gamma of Theorems 8 and 10 is blind to |L| v_max; ``criterion = "width"`` is not.
 * The bounds of Theorems 8 and 10 lack a square root and the switching factor (``certify.dwell``).
 """

@@ -3,7 +3,7 @@
 For a width vector W the best gains of a row are found without looking at the other rows::
 
     W_i <- max over modes of min over (L_i, N_i) of max over corners of theta of
-           |M_i(theta)| W + |T_i Bw| 2 wbar + |L_i(theta) Dv| 2 vbar + |N_i Dv| 2 vbar + 2 (unknowns over the range of x)
+           |M_i(theta)| W + |T_i Bw| 2 wbar + |L_i(theta) Dv| 2 vbar + |N_i Dv| 2 vbar + 2 (unknowns over range of x)
 
 with M = T A - L C, and M >= 0 unless ``split``. The map is monotone and, where a design exists, contracts to one fixed
 point: no constant gains have a smaller steady width, in any state, for arbitrary switching. It is piecewise linear, so
@@ -155,7 +155,8 @@ def iterate(problem: Problem, cap: Array | None = None, rounds: int = 60) -> dic
             return None
         jump = newton(rows, solved, values.argmax(axis=0), W)
         W = new if jump is None or np.any(jump < 0) or np.max(jump) > 1e9 or round_ % 8 == 7 else jump
-        best = min(best, (float(np.max(np.abs(new - W) / (new + 1e-300))), round_, solved, W), key=lambda item: item[:2])
+        distance = float(np.max(np.abs(new - W) / (new + 1e-300)))
+        best = min(best, (distance, round_, solved, W), key=lambda item: item[:2])
     else:  # the corners that are active may alternate close to the fixed point: the certificate judges what was best
         distance, _, solved, W = best
         if distance > 0.05:

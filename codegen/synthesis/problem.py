@@ -154,13 +154,13 @@ def slopes(problem: Problem, solved: dict) -> Array | None:
     return np.array([[tidy(g) for g in row] for row in steps]).reshape(modes, problem.parameters, n, p)
 
 
-def smaller(feasible: Callable[[float], bool], least: float) -> tuple[float, ...]:
+def smaller(solve: Callable[[float], dict | None], least: float) -> tuple[float, ...]:
     """Rates below ``least`` at which a design exists: a plant that is sampled fast decays little per sample.
 
     Parameters
     ----------
-    feasible : callable
-        Whether there is a design at a rate.
+    solve : callable
+        Design at a rate, None where there is none.
     least : float
         Smallest rate that was tried without success.
 
@@ -172,6 +172,6 @@ def smaller(feasible: Callable[[float], bool], least: float) -> tuple[float, ...
     rate = least
     for _ in range(14):
         rate /= 2
-        if feasible(rate):
+        if solve(rate) is not None:
             return tuple(rate * share for share in (1.8, 1.5, 1.25, 1.0, 0.7, 0.4, 0.2))
     return ()

@@ -122,6 +122,7 @@ def slow_reason(problem: Problem, lam: float) -> str | None:
         return None
     parts = " + ".join(f"{v:.3g} {x}" for v, x in zip(z, problem.states) if v > 1e-9)
     where = f" at theta = ({', '.join(f'{v:g}' for v in corner)})" if len(corner) else ""
-    return (f'lambda = {lam:g} asks for decay by {np.sqrt(1.0 - lam):.4g} per sample, but in mode "{problem.names[q]}"{where} '
-            f"the direction z = {parts} is invisible to the outputs (C z = 0, so (A - L C) z = A z for every L) and A z >= "
-            f"{s:.4g} z. Ask for lambda below {1.0 - s * s:.4g}, or measure another state.")
+    return (f"lambda = {lam:g} asks for decay by {np.sqrt(1.0 - lam):.4g} per sample, but in mode "
+            f'"{problem.names[q]}"{where} the direction z = {parts} is invisible to the outputs (C z = 0, so '
+            f"(A - L C) z = A z for every L) and A z >= {s:.4g} z. Ask for lambda below {1.0 - s * s:.4g}, or measure "
+            "another state.")

@@ -8,8 +8,9 @@ an LP, the injection of noise through the gains included (which the L-infinity L
 
 With half widths wbar, vbar the width obeys ``p' (x_hi - x_lo) <= 2 t / a`` ultimately, for any switching.
 With measured parameters the gains are affine in theta, and the conditions are asked for at the corners of its box;
-with unknowns the width also grows by |T A_unc| |x| and |T| A_rad |x|, taken over the declared range of x. With ``split``
-the magnitudes of M take the place of M >= 0. ``a`` multiplies p and is searched. Source: own, after the copositive designs of positive switched systems.
+with unknowns the width also grows by |T A_unc| |x| and |T| A_rad |x|, taken over the declared range of x. With
+``split`` the magnitudes of M take the place of M >= 0. ``a`` multiplies p and is searched. Source: own, after the
+copositive designs of positive switched systems.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import numpy as np
 
 from .problem import Candidate, Problem, slopes, smaller, tidy
 
+Array = np.ndarray
 #: Contraction rates tried.
 RATES = (0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97)
 
@@ -128,4 +130,4 @@ def candidates(problem: Problem, options: dict, progress: Callable[[str], None])
                 proof = {"kind": "width", "p": solved["p"].tolist(), "a": a * (1 - 1e-4)}
                 yield Candidate(f"width, contraction {a:.4g}", solved["L"], solved["N"], proof, slopes(problem, solved))
         again = not found and rates is RATES
-        rates = smaller(lambda a: lp.solve(a) is not None, RATES[0]) if again else ()
+        rates = smaller(lp.solve, RATES[0]) if again else ()
