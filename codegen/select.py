@@ -87,7 +87,7 @@ def both_sides(c: Candidate, plant: Plant, module) -> dict:
     """The same gains for the upper and the lower framer."""
     gains = {"L_hi": c.L, "L_lo": c.L, "N_hi": c.N, "N_lo": c.N}
     if c.L_theta is not None:
-        gains |= {"L_theta": c.L_theta, "midpoint": plant.reads_both_ends,
+        gains |= {"L_theta": c.L_theta, "midpoint": plant.reads_both_ends, "late": plant.switching.late,
                   "columns": [j for j, s in enumerate(plant.theta) if s.measured],
                   "split": getattr(module, "SPLIT", False)}
     return gains
@@ -222,7 +222,9 @@ def fixed_gains(plant: Plant, name: str, options: dict, within: int) -> Trial:
     """
     given = options["gains"]
     shape = (plant.n_modes, plant.n_x, plant.n_y)
-    known = ("L", "N", "L_hi", "L_lo", "N_hi", "N_lo", "P", "P_hi", "P_lo")
+    varying = is_uncertain(plant)
+    slopes = (plant.n_modes, len(plant.observed.theta), *shape[1:])
+    known = ("L", "N", *(("L_theta",) if varying else ("L_hi", "L_lo", "N_hi", "N_lo", "P", "P_hi", "P_lo")))
     for key in given:
         if key not in known:
             raise DesignError(f"{plant.name}: observer.gains.{key} is unknown, expected one of {', '.join(known)}.")
@@ -235,8 +237,11 @@ def fixed_gains(plant: Plant, name: str, options: dict, within: int) -> Trial:
     proof = {"kind": "none"}
     if "lambda" in options and ("P" in given or "P_hi" in given):
         proof = given_proof(plant, given, options)
-    tables, cert = certified(plant, gains, proof, plant.target.real)
-    c = Candidate("gains of the plant file", gains["L_hi"], gains["N_hi"], proof)
+    steps = array(plant, "L_theta", given.get("L_theta", np.zeros(slopes)), slopes) if varying else None
+    c = Candidate("gains of the plant file", gains["L_hi"], gains["N_hi"], {"kind": "box"} if varying else proof, steps)
+    if varying:
+        gains = both_sides(c, plant, METHODS[name].module)
+    tables, cert = certified(plant, gains, c.proof, plant.target.real)
     return Trial(name, c, gains, tables, cert, surely_detected(plant, tables, cert, within))
 
 

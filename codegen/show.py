@@ -8,6 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from .errors import DesignError
 from .plant.model import Plant
 
 out = Console(highlight=False, soft_wrap=True)
@@ -41,7 +42,12 @@ def plant(p: Plant) -> None:
         for s in getattr(p, vector):
             signals.add_row(vector, s.name, s.unit, number(s.lo), number(s.hi))
     out.print(signals)
-    modes = table("\nmodes", "mode", "spectral radius" if p.kind == "discrete" else "spectral abscissa", "stable",
+    if p.theta:
+        out.print(_parameters(p))
+    if p.kind == "continuous":
+        out.print("\nsampling: " + p.options.get("sampling", "exponential") + "; " + between(p))
+    title = "\nmodes" + (", worst corner of theta" if p.theta else "")
+    modes = table(title, "mode", "spectral radius" if p.kind == "discrete" else "spectral abscissa", "stable",
                   "observable", "detectable", "cooperative")
     for m in properties(p):
         modes.add_row(m.name, number(m.radius), *("yes" if x else "no" for x in
@@ -57,11 +63,36 @@ def plant(p: Plant) -> None:
     out.print(rows)
 
 
+def _parameters(p: Plant) -> Table:
+    """List what is known of each parameter: bounds per mode where they differ, rate, measurement."""
+    rows = table("\nparameters", "theta", "bounds", "rate per s", "measured", "error")
+    for j, s in enumerate(p.theta):
+        own = [(m.name, m.theta_bounds[0][j], m.theta_bounds[1][j]) for m in p.modes if m.theta_bounds is not None]
+        bounds = [f"{name}: {number(lo)} to {number(hi)}" for name, lo, hi in own if (lo, hi) != (s.lo, s.hi)]
+        rows.add_row(s.name, "; ".join(bounds) or f"{number(s.lo)} to {number(s.hi)}",
+                     number(s.rate) if np.isfinite(s.rate) else "any", "yes" if s.measured else "no",
+                     number(s.error) if s.measured else "-")
+    return rows
+
+
+def between(p: Plant) -> str:
+    """Say what a continuous plant may do between samples."""
+    inputs = [f"{s.name} moves by at most {number(s.rate)} {s.unit}/s" if s.rate else f"{s.name} is held" for s in p.u]
+    return "; ".join([*inputs, "the mode changes at samples only", "disturbances and parameters move as they like"])
+
+
 def _applies(p: Plant, name: str, entry) -> str:
     from .synthesis.problem import Problem
     from .synthesis.structure import obstruction
 
-    return entry.module.inapplicable(p) or obstruction(Problem.of(p, entry.family == "tnl")) or "yes"
+    reason = entry.module.inapplicable(p)
+    if reason is not None:
+        return reason
+    try:
+        reason = obstruction(Problem.of(p, entry.tnl, getattr(entry.module, "SPLIT", False)))
+    except DesignError as error:
+        return str(error).removeprefix(f"{p.name}: ")
+    return (f"not at this sample period: {reason}" if p.kind == "continuous" else reason) if reason else "yes"
 
 
 def claims(design) -> None:

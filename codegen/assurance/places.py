@@ -13,12 +13,13 @@ import numpy as np
 
 from ..emit import families, view
 from ..emit.maps import MapSpec, Names
+from ..emit.varying import Varying
 from ..errors import CertificateError
 from .c_reader import Source, read, walk
-from .symbolic import Affine, Coefficient, Machine
+from .read_varying import read_varying
+from .symbolic import NOWHERE, Affine, Coefficient, Machine
 
 SIDES = ("lo", "hi")
-NOWHERE = Coefficient(Fraction(0), "", 0)  # a product with 0 is left out
 
 
 @dataclass(frozen=True)
@@ -70,15 +71,21 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
                   tuple(m.name for m in d.modes))
     source, found = read(d.prefix, text, header), _Found()
     try:
-        for spec in families.specs(design.observer.family, t, names, d.x, d.y):
+        for spec in _maps(design.observer.family, t, names, d):
             for q, mode in enumerate(names.modes):
-                _read_map(source, spec, q, mode, found)
+                (read_varying if isinstance(spec, Varying) else _read_map)(source, spec, q, mode, found)
         _read_ranges(source, d, t, found)
         _read_dwell(source, d.prefix, design.observer.supervision, found)
     except (LookupError, TypeError, ValueError, AttributeError) as error:  # an index out of range, a name unknown ...
         raise CertificateError(f"{source.name}: is not the C that residua prints ({type(error).__name__}: {error}). "
                                "Print it again.") from error
     return found.constants()
+
+
+def _maps(family: str, t, names: Names, d) -> tuple[MapSpec | Varying, ...]:
+    """Every map of the C; where the mode may be told late, those for the mode that is told now too."""
+    specs = families.specs(family, t, names, d.x, d.y)
+    return (*specs, *families.late_specs(*specs[1:], names)) if d.late else specs
 
 
 class _Found:
@@ -135,13 +142,19 @@ def _take(row: Affine, operand: str) -> Coefficient:
 def _read_ranges(source: Source, d, t, found: _Found) -> None:
     """Read the input checks, the cut and the boxes to start from."""
     for check in d.checks:
-        machine = Machine(source, d.real)
-        machine.call(check.name)
-        bounds = {(operand, op): c for operand, op, c in machine.compared}
-        for side, op in (("lo", ">="), ("hi", "<=")):
-            name = f"{check.vector}_{side}"
-            for i, value in enumerate(getattr(t, name)):
-                found.add(name, "", check.name, (i,), value, bounds.get((f"in->{check.vector}[{i}]", op), NOWHERE))
+        scheduled = check.vector == "theta"  # its bounds may be each mode's own
+        for q, mode in enumerate(m.name for m in d.modes) if scheduled else ((0, ""),):
+            machine = Machine(source, d.real, {"in->mode": q})
+            machine.call(check.name)
+            bounds = {(operand, op): c for operand, op, c in machine.compared}
+            for side, op in (("lo", ">="), ("hi", "<=")):
+                name = f"{check.vector}_{side}"
+                for i, value in enumerate(getattr(t.vary, name)[q] if scheduled else getattr(t, name)):
+                    found.add(name, mode, check.name, (i,), value,
+                              bounds.pop((f"in->{check.vector}[{i}]", op), NOWHERE))
+            if bounds:
+                raise CertificateError(f"{source.name}: {check.name} compares {', '.join(o for o, _ in bounds)} with "
+                                       "what the tables do not know. Print it again.")
     cut = Machine(source, d.real, clip=frozenset({f"{d.prefix}_clip"}))
     cut.call(f"{d.prefix}_cut")
     for framer in SIDES:

@@ -3,6 +3,9 @@
 Every number is an affine form: operand -> coefficient, and each coefficient remembers the literal it was written
 as and its line. Loops, table look-ups and the choice of the mode are carried out; nothing is guessed from names.
 What the subset does not know is an error.
+
+Where coefficients are computed as well (they depend on parameters), a product of two operands is one operand,
+``M_0_1 * s->x_lo[1]``, and every local number keeps its name, so that its own definition is read by itself.
 """
 
 from __future__ import annotations
@@ -31,6 +34,7 @@ class Coefficient:
     line: int
 
 
+NOWHERE = Coefficient(Fraction(0), "", 0)  # a product with 0 is left out
 Affine = dict  # operand -> Coefficient; "" is the constant
 
 
@@ -57,6 +61,10 @@ class Machine:
         (operand, operator, Coefficient) of every comparison of a symbol with a number, which counts as true.
     clipped : dict
         Operand -> (lower, upper) Coefficient.
+    named : bool
+        Every local number stands for itself in what follows; its definition goes into ``defined``.
+    defined : dict
+        Name -> Affine.
     """
 
     source: Source
@@ -66,6 +74,8 @@ class Machine:
     skip: frozenset = frozenset()
     compared: list = field(default_factory=list)
     clipped: dict = field(default_factory=dict)
+    named: bool = False
+    defined: dict = field(default_factory=dict)
 
     def call(self, name: str, arguments: list | None = None) -> None:
         """Execute a function; its pointer parameters are symbols unless arguments are given."""
@@ -86,7 +96,13 @@ class Machine:
         return any(self.block(item, names) for item in node.block_items or ())
 
     def _decl(self, node, names):
-        names[node.name] = self.value(node.init, names) if node.init is not None else 0
+        value = self.value(node.init, names) if node.init is not None else 0
+        if self.named and isinstance(value, dict):
+            if node.name in self.defined:
+                self._refuse(node)
+            self.defined[node.name] = value
+            value = operand(node.name, node.coord.line)
+        names[node.name] = value
 
     def _assignment(self, node, names):
         value = self.value(node.rvalue, names)
@@ -165,6 +181,8 @@ class Machine:
         if isinstance(node, c_ast.BinaryOp):
             return self._binary(node, names)
         if isinstance(node, c_ast.TernaryOp):
+            if self.named and (chosen := self._magnitude(node, names)):
+                return chosen
             return self.value(node.iftrue if self.value(node.cond, names) else node.iffalse, names)
         if isinstance(node, c_ast.FuncCall) and node.name.name in self.clip:
             return self._clip(*(self.value(a, names) for a in node.args.exprs))
@@ -179,7 +197,19 @@ class Machine:
         return None
 
     def _load(self, place: Place, node: Node):
-        return self.memory.get(place.name, {place.name: Coefficient(Fraction(1), "", node.coord.line)})
+        return self.memory.get(place.name, operand(place.name, node.coord.line))
+
+    def _magnitude(self, node, names):
+        """``max(a, b)`` of ``a > b ? a : b`` and ``|a|`` of ``a < 0 ? -a : a``, each an operand; None for any other."""
+        if not isinstance(node.cond, c_ast.BinaryOp) or node.cond.op not in "<>":
+            return None
+        left, right, true, false = (plain(self.value(n, names))
+                                    for n in (node.cond.left, node.cond.right, node.iftrue, node.iffalse))
+        if node.cond.op == ">" and left and right and (true, false) == (left, right):
+            return operand(f"max({shown(left)}, {shown(right)})", node.coord.line)
+        if node.cond.op == "<" and left and not right and (true, false) == ({k: -c for k, c in left.items()}, left):
+            return operand(f"|{shown(left)}|", node.coord.line)
+        return self._refuse(node)
 
     def _clip(self, value, least, most):
         operand = _symbol(value)
@@ -199,9 +229,17 @@ class Machine:
             self.compared.append((_symbol(left), node.op, right[""]))
             return True
         if node.op == "*":
+            if self.named and (set(left) != {""} or len(right) > 1):
+                return self._product(left, right, node)
             (factor,) = left.values() if set(left) == {""} else self._refuse(node)
             return {_symbol(right): factor}
         return self._sum(left, right, {"+": 1, "-": -1}[node.op])
+
+    def _product(self, left: Affine, right: Affine, node: Node) -> Affine:
+        """A computed coefficient times an operand, or a number times a sum of operands: the other is one operand."""
+        if set(left) == {""}:
+            return {shown(plain(right)): left[""]}
+        return operand(f"{_symbol(left)} * {_symbol(right)}", node.coord.line)
 
     def _sum(self, left: Affine, right: Affine, sign: int) -> Affine:
         out = dict(left)
@@ -218,6 +256,23 @@ class Machine:
         where = f":{node.coord.line}" if node.coord else ""
         raise CertificateError(f"{self.source.name}{where}: {type(node).__name__} is beyond what the reader of the C "
                                "knows (codegen/assurance/symbolic.py). Extend it, or print the C again.")
+
+
+def operand(name: str, line: int) -> Affine:
+    """An operand, once."""
+    return {name: Coefficient(Fraction(1), "", line)}
+
+
+def plain(value: Affine) -> dict[str, Fraction]:
+    """The values alone of what is not zero."""
+    return {name: c.value for name, c in value.items() if c.value}
+
+
+def shown(values: dict[str, Fraction]) -> str:
+    """A sum of operands, each with the factor 1 or -1, as a text."""
+    if "" in values or any(abs(c) != 1 for c in values.values()):
+        raise ValueError(f"{values} where operands alone belong")
+    return " ".join(f"{'-' if c < 0 else '+'} {name}" for name, c in values.items())
 
 
 def _symbol(value: Affine) -> str:

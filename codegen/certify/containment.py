@@ -34,7 +34,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Demand:
-    """Smallest admissible offset of one row, without its rounding part, and the sum it stands in.
+    """Smallest admissible offset of one row, without the rounding of its sum, and the sum it stands in.
 
     Parameters
     ----------
@@ -42,11 +42,14 @@ class Demand:
         The offset must reach this far outward ...
     before, after : list of (fmpq, fmpq)
         ... plus the rounding error of the sum before + offset + after.
+    computed : fmpq
+        The part of ``need`` that is rounding as well: of coefficients that depend on theta, and of the radius.
     """
 
     need: fmpq
     before: list
     after: list
+    computed: fmpq = fmpq(0)
 
     def shortfall(self, offset: fmpq, real: str) -> fmpq:
         """How much the (outward) offset lacks; <= 0 means it suffices."""
@@ -135,8 +138,9 @@ class Containment:
             M, slip_M = pairs(s.M, i, self.box, self.real)
             slip_E = dot(s.E[i], s.L.rounding(self.real)[i])
             apart, size = radius_terms(s.R[i], s.S[i], L_most[i], s.E[i], self.box, self.u_max, self.real)
-            need += slip_G + slip_L + slip_M + slip_E + apart
-            out.append(Demand(need, [*G, *L, *zip(s.N[i], self.y_max)], [*M, (fmpq(1), size)]))
+            computed = slip_G + slip_L + slip_M + slip_E + apart
+            before, after = [*G, *L, *zip(s.N[i], self.y_max)], [*M, (fmpq(1), size)]
+            out.append(Demand(need + computed, before, after, computed))
         return out
 
     def noise(self, q: int, side: str) -> Array:
@@ -168,7 +172,8 @@ class Containment:
             need = disturbance[i] + dot(left_x[i], self.box) + dot(left_u[i], self.u_true)
             need += dot(B[i], self.u_err) + dot(Sa[i], self.u_err)
             apart, size = radius_terms(Ra[i], Sa[i], [], [], self.box, self.u_max, self.real)
-            out.append(Demand(need + apart, list(zip(B[i], self.u_max)), [*zip(A[i], self.box), (fmpq(1), size)]))
+            after = [*zip(A[i], self.box), (fmpq(1), size)]
+            out.append(Demand(need + apart, list(zip(B[i], self.u_max)), after, apart))
         return out
 
     def output(self, q: int, side: str) -> list[Demand]:

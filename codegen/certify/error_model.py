@@ -19,6 +19,7 @@ from flint import fmpq
 
 from .containment import Containment, dot, sup
 from .exact import Q, product, rational
+from .variation import Affine
 
 Array = np.ndarray
 
@@ -71,10 +72,41 @@ class ErrorModel:
                 theta2 = sum((s * s for s in slack), fmpq(0)) + noise2[q] + (max(noise2) if tnl else 0)
                 self.theta2 = max(self.theta2, theta2)
 
-        if t.shared:
+        if t.vary is not None and t.vary.late:
+            self._join(exact)
+        elif t.shared:
             self.M["width"] = self.M["hi"]
             grown = [self._spread(exact, q) for q in range(len(modes))]
             self.push["width"] = [grown[q] for q in self.mode]
+
+    def _join(self, exact) -> None:
+        """Let every step be the union with that of any other mode: its framer may miss the state by what they differ.
+
+        The framer of mode p after a step of mode q: e+ = M_p e + (M_p + L_p C - T_p A_q) x + (G_p - T_p B_q) u
+        - T_p Bw_q w + L_p Dv v + N_p Dv v+ + d_p + radius - T_p (unknowns of q), bounded over the ranges.
+        """
+        t = self.t
+        for k, p in enumerate(self.mode):
+            for side, sign in (("hi", 1), ("lo", -1)):
+                s, L = exact.scheduled(p, side), self.L[side][k]
+                signed = s.M.corners()[[j for j, m in enumerate(self.mode) if m == p].index(k)]
+                T, _, _ = exact.leftover(p, side)
+                apart = self._apart(exact, p)
+                offset = [sign * Q(x) for x in getattr(t, "d_" + side)[p]]
+                for r in exact.exact:
+                    A = Affine(signed + product(L, r["C"]) - product(T, r["A"]), [-product(T, a) for a in r["A_theta"]],
+                               r["theta_lo"], r["theta_hi"]).most()
+                    B = Affine(s.G.middle - product(T, r["B"]), [-product(T, b) for b in r["B_theta"]], r["theta_lo"],
+                               r["theta_hi"]).most() + s.G.radius
+                    unknown = [product(abs(T), r[f"{name}_rad"]) + sum((abs(product(T, F)) for F in r[f"{name}_unc"]),
+                                                                      abs(product(T, r[name])) * 0) for name in "AB"]
+                    moved = sup(-sign * product(T, r["Bw"]), r["w_lo"], r["w_hi"])
+                    noise = [sup(sign * product(gain, r["Dv"]), r["v_lo"], r["v_hi"]) for gain in (L, s.N)]
+                    for i, demand in enumerate(exact.update(p, side)):
+                        push = offset[i] + apart[i] + demand.rounding(offset[i], t.real) + moved[i]
+                        push += dot(A[i], exact.box) + dot(B[i], exact.u_true) + noise[0][i] + noise[1][i]
+                        push += dot(unknown[0][i], exact.box) + dot(unknown[1][i], exact.u_true)
+                        self.push[side][k][i] = max(self.push[side][k][i], push)
 
     def _apart(self, exact, q: int) -> Array:
         """Largest radius of each row: R |x| + S |u| + |L(theta)| E over the declared ranges."""

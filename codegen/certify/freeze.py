@@ -42,8 +42,8 @@ def freeze(tables_class, modes, limits: dict, gains: dict, real: str):
         "x", "x0", "u", "y" -> (lo, hi) arrays.
     gains : dict
         "L_hi", "L_lo", "N_hi", "N_lo" -> ndarray (n_modes, n_x, n_y), float64; for a plant with parameters or unknowns
-        also "L_theta" (n_modes, J, n_x, n_y), "columns" and "midpoint" of ``Variation``, and "split" (negative entries
-        of M are wanted).
+        also "L_theta" (n_modes, J, n_x, n_y), "columns", "late", "midpoint" of ``Variation``, and "split" (negative
+        entries of M are wanted).
     real : {"float32", "float64"}
 
     Returns
@@ -94,7 +94,8 @@ def freeze_varying(tables_class, modes, limits: dict, gains: dict, real: str):
         n[name + "_hi"] = n[name + "_lo"] = np.stack([p[name] for p in parts])
     n["A"], n["B"] = (np.stack([p["blind_" + name] for p in parts]) for name in "AB")
     variation = tables_class.__dataclass_fields__["vary"].metadata["type"]
-    vary = variation(midpoint=bool(gains["midpoint"]), columns=tuple(gains["columns"]), L=slopes, **{
+    known = {"midpoint": bool(gains["midpoint"]), "late": bool(gains["late"]), "columns": tuple(gains["columns"])}
+    vary = variation(**known, L=slopes, **{
         key: np.stack([p[key] for p in parts]) for key in ("theta_lo", "theta_hi", "R", "S", "E", "Ra", "Sa")},
         M=np.stack([p["M_theta"] for p in parts]), G=np.stack([p["G_theta"] for p in parts]))
     reach = np.maximum(np.maximum(np.abs(n["x_lo"]), np.abs(n["x_hi"])),

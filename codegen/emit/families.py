@@ -79,6 +79,19 @@ def specs(family: str, t, names: Names, x, y) -> tuple[MapSpec, MapSpec | Varyin
     return (residual, forward, blind) if t.vary is None else (residual, *_varying(family, t, forward, blind, u))
 
 
+def late_specs(forward: Varying, blind: Varying, names: Names) -> tuple[Varying, Varying]:
+    """The same maps for the mode that is told now, into another output struct."""
+    p = names.prefix
+    out = []
+    for v in (forward, blind):
+        parameters = (f"const {p}_state *s", f"const {p}_in *in", f"{p}_out *out")
+        tail = tuple(line for line in v.spec.tail)
+        heading = (*v.spec.equation, "of the mode that is told now, which may have been that of the last step")
+        out.append(replace(v, spec=replace(v.spec, name=f"{v.spec.name}_late", equation=heading, parameters=parameters,
+                                           selector="in->mode", index="in->mode", tail=tail)))
+    return out[0], out[1]
+
+
 def _varying(family: str, t, forward: MapSpec, blind: MapSpec, inputs: str) -> tuple[Varying, Varying]:
     """Add parameters and radii to the maps that move the framers."""
     vary, half = t.vary, literal(0.5, t.real)

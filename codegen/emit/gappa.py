@@ -8,29 +8,35 @@ rounding is larger.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..certify.containment import Containment
-from ..certify.exact import Q, down
-from . import families
+from ..certify.exact import Q, down, up
+from ..certify.rounding import input_error
+from . import families, gappa_sums
+from .gappa_sums import SIDES, Magnitude, Sum
 from .maps import MapSpec, Names
+from .varying import Varying
 from .view import DesignView
 
-Array = np.ndarray
 FORMAT = {"float32": "ieee_32", "float64": "ieee_64"}
-SIDES = ("lo", "hi")
 
 
 @dataclass(frozen=True)
 class Row:
-    """A sum of the C: Gappa name, what it is, its terms in evaluation order, the margin in hex and in decimal."""
+    """A sum of the C: Gappa name, what it is, its terms in evaluation order, the margin in hex and in decimal.
+
+    ``exact`` are the same terms, with the exact magnitudes.
+    """
 
     name: str
     note: str
     terms: tuple[str, ...]
+    exact: tuple[str, ...]
     margin: str
     about: str
 
@@ -45,6 +51,21 @@ class Operand:
 
 
 @dataclass(frozen=True)
+class Computed:
+    """Magnitude of a computed coefficient: its name, the row that states the coefficient, and ranges in hex.
+
+    ``most`` and ``exact_most`` bound the computed and the exact magnitude, ``slip`` what they may differ by: the
+    margin of that row, as ``||a| - |b|| <= |a - b|``.
+    """
+
+    name: str
+    row: str
+    most: str
+    exact_most: str
+    slip: str
+
+
+@dataclass(frozen=True)
 class RoundingView:
     """Everything that ``rounding_<prefix>.g`` has and the observer's own view has not.
 
@@ -53,6 +74,7 @@ class RoundingView:
 
     format: str
     operands: tuple[Operand, ...]
+    magnitudes: tuple[Computed, ...]
     rows: tuple[Row, ...]
     largest: str
 
@@ -72,77 +94,60 @@ def rounding(design, d: DesignView) -> RoundingView:
     """
     t = design.observer.tables[d.real]
     names = Names(d.prefix, d.macro, d.real, tuple(m.name for m in d.modes), tuple(m.macro for m in d.modes))
-    # TODO: the rows of Varying maps.
-    specs = [s for s in families.specs(design.observer.family, t, names, d.x, d.y) if isinstance(s, MapSpec)]
-    margins = _margins(design.plant.modes, t)
-    rows = [row for spec in specs for side in SIDES for i in range(len(spec.rows))
-            for row in _rows(spec, side, i, margins)]
-    operands = dict.fromkeys(operand for spec in specs for operand in _operands(spec, t))
-    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in operands), tuple(rows),
+    specs = families.specs(design.observer.family, t, names, d.x, d.y)
+    exact = Containment(design.plant.observed.modes, t)
+    margins, rows, magnitudes = _margins(exact), [], {}
+    for spec in specs:
+        plain = spec.spec if isinstance(spec, Varying) else spec
+        for side, i in itertools.product(SIDES, range(len(plain.rows))):
+            sums = [gappa_sums.row(spec, t, q, side, i) for q in range(len(names.modes))]
+            rows += _rows(plain, side, i, sums, margins)
+            magnitudes |= {m: q for q, found in enumerate(sums) for m in found.magnitudes}
+    computed = [_coefficient(exact, names, m, q) for m, q in magnitudes.items()]
+    operands = dict.fromkeys(operand for spec in specs for operand in gappa_sums.operands(spec, t))
+    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in operands), tuple(c for c, _ in computed),
+                        (*rows, *(row for _, row in computed), *_parameters(d.prefix, t)),
                         float(np.finfo(t.dtype).max).hex())
 
 
-def _margins(modes, t) -> dict[tuple[str, int, str], list[float]]:
+def _margins(exact: Containment) -> dict[tuple[str, int, str], list[float]]:
     """What each offset leaves for rounding, rounded down to a double: (name, mode, side) -> one per row."""
     found = {}
-    for name, q, side, demands in Containment(modes, t).offsets():
-        offsets = getattr(t, f"{name}_{side}")[q]
+    for name, q, side, demands in exact.offsets():
+        offsets = getattr(exact.t, f"{name}_{side}")[q]
         outward = [Q(o) if side == "hi" else -Q(o) for o in offsets]
-        found[name, q, side] = [down(o - demand.need, "float64") for o, demand in zip(outward, demands)]
+        found[name, q, side] = [down(o - (demand.need - demand.computed)) for o, demand in zip(outward, demands)]
     return found
 
 
-def _rows(spec: MapSpec, side: str, i: int, margins: dict) -> Iterator[Row]:
+def _rows(spec: MapSpec, side: str, i: int, sums: list[Sum], margins: dict) -> Iterator[Row]:
     """Give one row of a map, once per group of modes that have the same sum and margin."""
     groups: dict[tuple, list[int]] = {}
-    for q in range(len(spec.names.modes)):
-        key = (_terms(spec, q, side, i), float(margins[spec.offset.name, q, side][i]))
-        groups.setdefault(key, []).append(q)
-    for (terms, margin), modes in groups.items():
+    for q, found in enumerate(sums):
+        groups.setdefault((found, float(margins[spec.offset.name, q, side][i])), []).append(q)
+    for (found, margin), modes in groups.items():
         which = " and ".join(f'"{spec.names.modes[q]}"' for q in modes)
-        yield Row(f"{spec.name}_{side}_{i}_mode_{modes[0]}", f"{spec.rows[i]}, {side}, mode {which}", terms,
-                  margin.hex(), f"{margin:.4g}")
+        yield _row(f"{spec.name}_{side}_{i}_mode_{modes[0]}", f"{spec.rows[i]}, {side}, mode {which}", found.terms,
+                   margin, found.exact)
 
 
-def _terms(spec: MapSpec, q: int, side: str, i: int) -> tuple[str, ...]:
-    """Print the sum of one row without the measurement at its end; terms with coefficient zero change nothing."""
-    terms = []
-    for part in spec.common:
-        row = part.side("hi" if spec.shared else side)[q, i]
-        terms += [_product(c, part.operand, j) for j, c in enumerate(row) if c != 0]
-    offset = float(spec.offset.side(side)[q, i])
-    terms += [offset.hex()] if offset else []
-    other = SIDES[1 - SIDES.index(side)]
-    for j, c in enumerate(spec.state.side(side)[q, i]):
-        bound = other if spec.by_sign and c < 0 else side
-        terms += [_product(c, f"{spec.state.operand}_{bound}", j)] if c != 0 else []
-    # A subtraction of c v and an addition of -c v are one operation in IEEE 754 arithmetic.
-    return tuple(terms[:1] + [f"- {text[1:]}" if text[0] == "-" else f"+ {text}" for text in terms[1:]]) or ("0",)
+def _row(name: str, note: str, terms: tuple[str, ...], margin: float, exact: tuple[str, ...] | None = None) -> Row:
+    return Row(name, note, terms, terms if exact is None else exact, margin.hex(), f"{margin:.4g}")
 
 
-def _product(coefficient: float, operand: str, j: int) -> str:
-    """Print ``coefficient * operand[j]``; the coefficients 1 and -1 need no multiplication."""
-    value, sign = float(coefficient), "-" if coefficient < 0 else ""
-    name = _name(operand, j)
-    return sign + (name if abs(value) == 1 else f"({abs(value).hex()} * {name})")
+def _coefficient(exact: Containment, names: Names, m: Magnitude, q: int) -> tuple[Computed, Row]:
+    """State a computed coefficient whose magnitude is used: its own sum, with the room that the offsets leave for it."""
+    L, (i, j) = exact.scheduled(q, "hi").L, m.index
+    most, slip = L.most()[i, j], down(L.rounding(names.real)[i, j])
+    row = _row(f"{names.prefix}_{m.name}", f'L[{i}][{j}], mode "{names.modes[q]}"', m.terms, slip)
+    return Computed(m.name, row.name, up(most + Q(slip)).hex(), up(most).hex(), slip.hex()), row
 
 
-def _name(operand: str, j: int) -> str:
-    """Turn the C operand ``in->u`` and an index into a Gappa variable."""
-    return f"{operand.replace('->', '_')}_{j}"
-
-
-def _operands(spec: MapSpec, t) -> Iterator[tuple[str, str, str]]:
-    """Name every number that the sums of a map read, with the ends of its range.
-
-    The ranges are those behind the margins, which the Frama-C harness shows the state never to leave; zero is what
-    init and reset store.
-    """
-    for part in spec.common:
-        vector = part.operand.split("->")[1]
-        lo, hi = (getattr(t, f"{vector}_{side}").astype(float) for side in SIDES)
-        for j, (a, b) in enumerate(zip(np.minimum(lo, 0.0), np.maximum(hi, 0.0))):
-            yield _name(part.operand, j), a.hex(), b.hex()
-    for side in SIDES:
-        for j, b in enumerate(t.box.astype(float)):
-            yield _name(f"{spec.state.operand}_{side}", j), (-b).hex(), b.hex()
+def _parameters(prefix: str, t) -> list[Row]:
+    """State the mean of each parameter at both ends of a step: what the caller's two roundings leave of three."""
+    if t.vary is None or not t.vary.midpoint:
+        return []
+    most = np.maximum(abs(t.vary.theta_lo), abs(t.vary.theta_hi)).max(axis=0)
+    return [_row(f"{prefix}_theta_{j}", f"theta[{j}], mean of both ends of a step",
+                 (f"({0.5.hex()} * (s_theta_{j} + in_theta_{j}))",), down(2 * input_error(Q(m), t.real)))
+            for j, m in enumerate(most)]

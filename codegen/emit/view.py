@@ -72,6 +72,23 @@ class Dwell:
 
 
 @dataclass(frozen=True)
+class Late:
+    """A function that joins the bounds of two modes: its name, the call for the last mode and that for the new one."""
+
+    name: str
+    told: str
+    now: str
+
+
+@dataclass(frozen=True)
+class Move:
+    """The calls that bring framers of the last sample to this one, with and without its measurement."""
+
+    measured: str
+    missing: str
+
+
+@dataclass(frozen=True)
 class Guards:
     """What the preprocessor must find for the arithmetic to be the certified one."""
 
@@ -134,6 +151,8 @@ class DesignView:
     remember: tuple[str, ...]
     assured: str
     assured_blind: str
+    late: tuple[Late, ...]
+    move: Move
     last_items: tuple[str, ...]
     last_status: str
     last_refusal: str
@@ -178,12 +197,16 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
     _check_words(s, len(bits))
     specs = families.specs(design.observer.family, t, names, x, y)
     views = tuple((lay_out_varying if isinstance(spec, Varying) else lay_out)(spec, layout) for spec in specs)
+    late = t.vary is not None and t.vary.late
+    operated = views
+    if late:
+        views += tuple(lay_out_varying(spec, layout) for spec in families.late_specs(*specs[1:], names))
     checks = tuple(_range_check(names, vector, lo, hi, layout)
                    for vector, lo, hi in (("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi)) if len(lo))
     checks += (_parameter_check(names, t.vary.theta_lo, t.vary.theta_hi),) if theta else ()
     fields = families.state_fields(design.observer.family, names, s, len(bits), (len(x), len(u), len(y), len(theta)))
     state = tuple(Field(*f) for f in fields.members)
-    operations = _operations(design.observer.family, views, t, len(u), len(y))
+    operations = _operations(design.observer.family, operated, t, len(u), len(y))
     text = Manual(manual.banner(design, target.prefix, real, layout, version), manual.about(plant),
                   manual.proved(design, real), manual.assumed(design, t, s.monitors_dwell),
                   manual.alarm(s, target.prefix), manual.dwell(s), _resources(fields.size, operations))
@@ -209,7 +232,7 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         dwell=(Dwell(f"{s.dwell_add}U", f"{s.dwell_drain}U", f"{s.dwell_limit}U"),) if s.monitors_dwell else (),
         remember=("s->mode = in->mode;",) if fields.has_mode else (),
         assured=_truth(["(!fault)", *quiet]), assured_blind=_truth(quiet),
-        last_items=_last_items(names, bool(theta)),
+        late=_late(names.prefix) if late else (), move=_move(names.prefix, late), last_items=_last_items(names, bool(theta)),
         last_status=f"{names.macro}_BAD_{'PARAMETER' if theta else 'OUTPUT'}",
         last_refusal=f"{names.macro}_BAD_{'PARAMETER' if theta else 'INPUT'}")
 
@@ -221,6 +244,19 @@ def _last_items(names: Names, parameters: bool) -> tuple[str, ...]:
     return (f"{names.macro}_BAD_OUTPUT = 3,",
             f"/* A parameter is NaN or beyond its bounds in this mode: call {names.prefix}_reset. */",
             f"{names.macro}_BAD_PARAMETER = 4")
+
+
+def _late(prefix: str) -> tuple[Late, ...]:
+    """The two moves where the mode is told late."""
+    return (Late(f"{prefix}_either", f"{prefix}_forward(s, in, out);", f"{prefix}_forward_late(s, in, &other);"),
+            Late(f"{prefix}_either_blind", f"{prefix}_blind(s, out);", f"{prefix}_blind_late(s, in, &other);"))
+
+
+def _move(prefix: str, late: bool) -> Move:
+    """Of the family "tnl"."""
+    if late:
+        return Move(f"{prefix}_either(s, in, out);", f"{prefix}_either_blind(s, in, out);")
+    return Move(f"{prefix}_forward(s, in, out);", f"{prefix}_blind(s, out);")
 
 
 def _truth(conditions: list[str]) -> str:

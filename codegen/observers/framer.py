@@ -41,6 +41,9 @@ class Variation:
         Which of the plant's parameters are measured, in the order of the firmware's inputs.
     midpoint : bool
         The step takes the mean of theta at both its ends (a sampled plant), else theta at its start.
+    late : bool
+        The mode that is told may be one sample late: where it has changed since the last sample, the bounds of both
+        modes are joined.
     M, G, L : ndarray (N, J, n_x, n_x), (N, J, n_x, n_u), (N, J, n_x, n_y)
         Slopes in theta; the same for both framers.
     R : ndarray (N, n_x, n_x), S : ndarray (N, n_x, n_u)
@@ -55,6 +58,7 @@ class Variation:
     theta_hi: Array
     columns: tuple[int, ...]
     midpoint: bool
+    late: bool
     M: Array
     G: Array
     L: Array
@@ -85,7 +89,7 @@ class Variation:
         J = np.array(data["theta_lo"]).reshape(n, -1).shape[1]
         shapes = {"theta_lo": (n, J), "theta_hi": (n, J), "M": (n, J, x, x), "G": (n, J, x, u), "L": (n, J, x, y),
                   "R": (n, x, x), "S": (n, x, u), "E": (n, x, y), "Ra": (n, x, x), "Sa": (n, x, u)}
-        return cls(midpoint=bool(data["midpoint"]), columns=tuple(data["columns"]), **{
+        return cls(midpoint=bool(data["midpoint"]), late=bool(data["late"]), columns=tuple(data["columns"]), **{
             k: np.array(data[k], dtype=np.float64).reshape(s).astype(real) for k, s in shapes.items()})
 
 

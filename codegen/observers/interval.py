@@ -59,7 +59,7 @@ class IntervalObserver:
         self.hi = np.broadcast_to(hi, (runs, len(t.box))).astype(t.dtype)
         self.guard = SupervisorState(runs, n_bits, t.M_hi.shape[0])
 
-    def _arrive(self, t, measured, y, theta):
+    def _arrive(self, t, measured, y, theta, q):
         """Framers at this sample, per run with or without a measurement."""
         return self.lo, self.hi
 
@@ -77,7 +77,7 @@ class IntervalObserver:
     def sample(self, t: FramerTables, on: Array, measured: Array, u: Array, y: Array, q: Array, theta: Array,
                out: Trace) -> None:
         """One sample of the runs in ``on``: ``<p>_step`` where ``measured``, else ``<p>_predict``."""
-        lo, hi = self._arrive(t, measured, y, theta)
+        lo, hi = self._arrive(t, measured, y, theta, q)
         r_lo, r_hi = residuals(t, q, lo, hi, u, y)
         raw = (r_lo > 0) | (r_hi < 0)
         if not t.shared:

@@ -34,17 +34,24 @@ class TnlObserver(IntervalObserver):
         self.theta = np.zeros((runs, 0 if t.vary is None else t.vary.parameters), dtype=t.dtype)
         self.phase = np.full(runs, FRESH)
 
-    def _arrive(self, t, measured, y, theta):
+    def _arrive(self, t, measured, y, theta, q):
         p = np.minimum(self.guard.mode, t.M_hi.shape[0] - 1)  # only read where a mode has been seen
+        lo, hi = self._moved(t, measured, y, theta, p)
+        if t.vary is not None and t.vary.late:  # the step may have been one of the mode that is told only now
+            other_lo, other_hi = self._moved(t, measured, y, theta, q)
+            lo, hi = np.minimum(lo, other_lo), np.maximum(hi, other_hi)
+        fresh = (self.phase == FRESH)[:, None]
+        return np.where(fresh, self.lo, lo), np.where(fresh, self.hi, hi)
+
+    def _moved(self, t, measured, y, theta, p):
+        """Framers after a step of mode p."""
+        step = self.theta
         if t.vary is not None and t.vary.midpoint:
             step = (self.theta + theta) * t.dtype.type(0.5)
-        else:
-            step = self.theta
         corrected = propagate(t, p, self.lo, self.hi, self.u, self.y, y, step)
         blind = open_loop(t, p, self.lo, self.hi, self.u)
-        fresh, full = (self.phase == FRESH)[:, None], ((self.phase == FULL) & measured)[:, None]
-        return tuple(np.where(fresh, own, np.where(full, c, b))
-                     for own, c, b in zip((self.lo, self.hi), corrected, blind))
+        full = ((self.phase == FULL) & measured)[:, None]
+        return tuple(np.where(full, c, b) for c, b in zip(corrected, blind))
 
     def _leave(self, t, on, measured, again, lo, hi, u, y, q, theta):
         self._keep(t, on, again, lo, hi)

@@ -104,14 +104,14 @@ def _switching(table: SwitchingTable) -> Switching:
                 f"switching.chatter: is {table.chatter:g} (expected 1 with minimum_dwell). "
                 "Leave it out, or give average_dwell."
             )
-        return Switching(table.known, float(table.minimum_dwell), 1.0)
+        return Switching(table.known, float(table.minimum_dwell), 1.0, table.late)
     if table.average_dwell is None:
         if table.chatter != 1:
             raise PlantError(
                 f"switching.chatter: is {table.chatter:g}, but there is no average_dwell. Add average_dwell."
             )
-        return Switching(table.known)
-    return Switching(table.known, float(table.average_dwell), float(table.chatter))
+        return Switching(table.known, late=table.late)
+    return Switching(table.known, float(table.average_dwell), float(table.chatter), table.late)
 
 
 def _target(name: str, table: TargetTable) -> Target:

@@ -91,6 +91,8 @@ class Switching:
     ----------
     known : bool
         The firmware is told the active mode at every sample.
+    late : bool
+        What it is told may be the mode of the sample before.
     average_dwell : float or None
         Average dwell time in seconds (None: arbitrary switching). A ``minimum_dwell`` of the file is
         the case ``chatter = 1``.
@@ -101,6 +103,7 @@ class Switching:
     known: bool = True
     average_dwell: float | None = None
     chatter: float = 1.0
+    late: bool = False
 
 
 @dataclass(frozen=True)

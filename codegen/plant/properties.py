@@ -1,25 +1,31 @@
-"""What can be said of a plant before any design: stability, detectability, signs, boundedness."""
+"""What can be said of a plant before any design: stability, detectability, signs, boundedness.
+
+Of a plant with parameters the worst corner of their box speaks for the mode. That is a hint: a plant may be stable at
+every corner and still diverge while the parameters move.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from .model import Mode, Plant
+from .uncertain import theta_box
 
 Array = np.ndarray
 
 
 @dataclass(frozen=True)
 class ModeProperties:
-    """Properties of one mode.
+    """Properties of one mode; where it has parameters, what holds at every corner of their box.
 
     Parameters
     ----------
     name : str
     radius : float
-        Spectral radius of A (discrete) or spectral abscissa (continuous).
+        Spectral radius of A (discrete) or spectral abscissa (continuous); the largest of the corners.
     stable : bool
     observable : bool
     hidden : tuple of complex
@@ -41,19 +47,19 @@ class ModeProperties:
         return not self.hidden
 
 
-def mode_properties(mode: Mode, kind: str) -> ModeProperties:
-    """Compute the properties of one mode (theta at zero).
+def mode_properties(name: str, A: Array, C: Array, kind: str) -> ModeProperties:
+    """Compute the properties of one mode with constant matrices.
 
     Parameters
     ----------
-    mode : Mode
+    name : str
+    A : ndarray (n_x, n_x), C : ndarray (n_y, n_x)
     kind : {"discrete", "continuous"}
 
     Returns
     -------
     ModeProperties
     """
-    A, C = mode.A, mode.C
     eigenvalues = np.linalg.eigvals(A)
     size = np.abs(eigenvalues) if kind == "discrete" else eigenvalues.real
     limit = 1.0 if kind == "discrete" else 0.0
@@ -65,7 +71,7 @@ def mode_properties(mode: Mode, kind: str) -> ModeProperties:
         if not seen and s >= limit - 1e-12:
             hidden.append(complex(value))
     off_diagonal = A if kind == "discrete" else A - np.diag(np.diag(A))
-    return ModeProperties(mode.name, float(size.max()), bool(size.max() < limit), bool(observable), tuple(hidden),
+    return ModeProperties(name, float(size.max()), bool(size.max() < limit), bool(observable), tuple(hidden),
                           bool(np.all(off_diagonal >= 0)))
 
 
@@ -80,4 +86,19 @@ def properties(plant: Plant) -> list[ModeProperties]:
     -------
     list of ModeProperties
     """
-    return [mode_properties(m, plant.kind) for m in plant.modes]
+    return [_worst([mode_properties(m.name, *matrices, plant.kind) for matrices in _corners(plant, m)])
+            for m in plant.modes]
+
+
+def _corners(plant: Plant, mode: Mode):
+    """Yield A and C at every corner of the parameters' box in a mode; once where there are none."""
+    for corner in product(*zip(*theta_box(plant, mode))):
+        yield tuple(getattr(mode, name) + sum((value * slope for value, slope in zip(corner, mode.theta_terms[name])), 0.0)
+                    if name in mode.theta_terms else getattr(mode, name) for name in ("A", "C"))
+
+
+def _worst(found: list[ModeProperties]) -> ModeProperties:
+    """What holds at all corners."""
+    hidden = tuple(value for p in found for value in p.hidden)
+    return ModeProperties(found[0].name, max(p.radius for p in found), all(p.stable for p in found),
+                          all(p.observable for p in found), hidden, all(p.cooperative for p in found))

@@ -109,6 +109,7 @@ class SwitchingTable(Table):
     """``[switching]``: dwell times in seconds."""
 
     known: bool = True
+    late: bool = False
     average_dwell: Annotated[FiniteFloat, Field(gt=0)] | None = None
     minimum_dwell: Annotated[FiniteFloat, Field(gt=0)] | None = None
     chatter: Annotated[FiniteFloat, Field(ge=1)] = 1.0

@@ -163,7 +163,21 @@ def _simulated(
         x[k] = state
         y[k] = m["C"] @ state + m["D"] @ u[k] + m["Dv"] @ v[k] + m["Df"] @ f[k]
         state = m["A"] @ state + m["B"] @ u[k] + m["Bw"] @ w[k] + m["Bf"] @ f[k]
-    return PlantTrace(x=x, u=u, y=y, q=q, theta=reading(plant, scenario, theta, rng), w=w, v=v, f=f)
+    return PlantTrace(x=x, u=u, y=y, q=told(plant, q, rng), theta=reading(plant, scenario, theta, rng), w=w, v=v, f=f)
+
+
+def told(plant: Plant, q: Array, rng: np.random.Generator) -> Array:
+    """Return the mode that the firmware is told: where that may be late, each switch at its sample or at the next.
+
+    Every mode is told for a sample at least: after a switch that was told late a switch at once is late too.
+    """
+    if not plant.switching.late:
+        return q
+    out, behind = q.copy(), False
+    for k in range(1, len(q)):
+        behind = bool(q[k] != q[k - 1]) and (behind or bool(rng.integers(0, 2)))
+        out[k] = q[k - 1] if behind else q[k]
+    return out
 
 
 def reading(plant: Plant, scenario: Scenario, theta: Array, rng: np.random.Generator) -> Array:
@@ -208,7 +222,8 @@ def _integrated(
             ends = [np.where(held, u[k], ramps[k] + (i + e) / PIECES * (ramps[k + 1] - ramps[k])) for e in (0, 1)]
             after = theta[now] if anew[now + 1] else theta[now + 1]
             state = advance(mode, state, h, (theta[now], after), tuple(ends), w[now], f[k])
-    return PlantTrace(x=x, u=u, y=y, q=q, theta=reading(plant, scenario, theta[:-1][cut], rng), w=w[:-1][cut], v=v, f=f)
+    return PlantTrace(x=x, u=u, y=y, q=told(plant, q, rng), theta=reading(plant, scenario, theta[:-1][cut], rng),
+                      w=w[:-1][cut], v=v, f=f)
 
 
 def _recorded(plant: Plant, scenario: Scenario, record: Record, theta: Array | None) -> PlantTrace:

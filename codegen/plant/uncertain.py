@@ -52,7 +52,7 @@ class UncertainMode(Mode):
 
 def is_uncertain(plant: Plant) -> bool:
     """Whether the plant needs more than constant matrices per mode."""
-    return plant.kind == "continuous" or bool(plant.theta)
+    return plant.kind == "continuous" or bool(plant.theta) or plant.switching.late
 
 
 def observed(plant: Plant) -> Plant:

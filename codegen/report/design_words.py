@@ -9,10 +9,11 @@ import numpy as np
 
 from ..analysis.detectability import limited, ultimate_errors
 from ..certify.claims import ultimate_width
-from . import words
+from . import parameter_words, words
 from .plant_words import reach
 from .table import Cell, Fact, Folded, Row, Table, table
 
+NEVER = "not at any size"
 SHOWN = 8  # rows of the table of what was tried; the others are folded
 
 WHY = {
@@ -98,7 +99,7 @@ def _choice(design) -> tuple[Table, tuple[Folded, ...]]:
     head = ("method", "design", *(f"#{f.name}" for f in design.plant.f), "#relative width", "#level")
     rows = []
     for entry in design.choice:
-        faults = [words.quantity(words.at_most(x), f.unit) if x is not None else "not at any size"
+        faults = [words.quantity(words.at_most(x), f.unit) if x is not None else NEVER
                   for x, f in zip(entry["surely_detected"], design.plant.f)]
         label = entry["design"] + (" (chosen)" if entry["chosen"] else "")
         cells = (entry["method"], label, *faults, words.at_most(entry["relative_width"], 3),
@@ -148,6 +149,7 @@ def _assumed(design, real: str) -> tuple[str, ...]:
              + ("cuts the bounds at every call." if tables.clamp else
                 "is where the bounds restart after a fault, and cuts them while a measurement is missing."),
              "Disturbance and noise keep to the bounds listed above."]
+    items += parameter_words.assumed(plant)
     if design.observer.supervision.monitors_dwell:
         items.append("The modes switch slowly enough on average; this is watched at run time.")
     items.append("Arithmetic is IEEE 754, rounding to nearest, with subnormal numbers.")
@@ -164,13 +166,36 @@ def _not_guaranteed(design, real: str) -> tuple[str, ...]:
              + ("; the latched bits remember it." if design.observer.supervision.latch else "."),
              "Which fault it is. An alarm bit says which output left its bounds, not why.",
              "Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
-             "with the observer settled before it."]
+             "with the observer settled before it.", *parameter_words.not_guaranteed(design.plant)]
     if debounce != (1, 1):
         items.append("The delays below for the debounced alarm: they count to the first sample outside its bounds; the "
                      f"alarm itself wants {debounce[0]} of {debounce[1]} samples.")
     if design.certificate[real]["kind"] == "none":
         items.append("Any level on the width: the gains given were certified for containment alone.")
     return tuple(items)
+
+
+def varies(design, real: str) -> bool:
+    """Whether the constants depend on parameters or have radii."""
+    return design.observer.tables[real].vary is not None
+
+
+def unseen(design, real: str, channel: str) -> str:
+    """Say why a fault channel has no surely detected size.
+
+    Parameters
+    ----------
+    design : Design
+    real : str
+    channel : str
+
+    Returns
+    -------
+    text : str
+    """
+    j = [f.name for f in design.plant.f].index(channel)
+    on_state = any(np.any(m.Bf[:, j]) for m in design.plant.modes)
+    return "none given" if varies(design, real) and on_state else NEVER
 
 
 def _detection(design, real: str) -> tuple[Table, ...]:
@@ -189,11 +214,16 @@ def _detection(design, real: str) -> tuple[Table, ...]:
         for size in fault["by_delay"]:
             beyond = size is not None and size > largest
             warned |= beyond
-            text = "not at any size" if size is None else words.quantity(words.at_most(size), fault["unit"])
+            text = unseen(design, real, fault["channel"]) if size is None else words.quantity(words.at_most(size),
+                                                                                             fault["unit"])
             cells.append(Cell(text + (" *" if beyond else ""), "num warn" if beyond or size is None else "num"))
         rows.append(cells)
     notes = ["A step of this size or more, of either sign, puts an output outside its bounds within this time, "
              "whatever the disturbance, the noise and the mode sequence that the certificate admits. The delay counts "
              "from the first sample of the fault; “at once” is that sample itself."]
+    if varies(design, real):
+        notes.append("Parameters and unknowns move the errors too: these thresholds bound every path of theta and every "
+                     "unknown at once, over all modes. They are safe and may be larger than need be. Of a fault that "
+                     "acts on the state none is given: smaller ones than any range may be found, but none is promised.")
     notes += ["* larger than the declared range of the fault"] * warned
     return (table("Smallest fault that is surely detected", head, rows, notes),)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..analysis.validate import Episode, Outcome
 from . import words
-from .design_words import settled_width
+from .design_words import settled_width, unseen
 from .table import Cell, Folded, Table, table, verdict
 
 FEW = 6  # episodes that are shown without a click
@@ -125,7 +125,7 @@ def episode_tables(design, real: str, outcome: Outcome) -> tuple[tuple[Table, ..
         (limit, reason), size, unit = promise(design, real, outcome, e), threshold(design, real, e), units[e.channel]
         rows.append((e.channel, f"{e.start} – {e.stop - 1}", f"{words.number(e.start * period, 6)}{words.THIN}s",
                      words.quantity(words.number(e.size), unit),
-                     "not at any size" if size is None else words.quantity(words.at_most(size), unit),
+                     unseen(design, real, e.channel) if size is None else words.quantity(words.at_most(size), unit),
                      f"nothing: {reason}" if limit is None else words.within(limit, period),
                      _found(words.delay(e.delay, period), e.delay is not None, kept(design, real, outcome, e))))
     head = ("fault", "samples", "#from", "#size", "#surely detected from", "promised", "found")

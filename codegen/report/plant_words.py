@@ -6,6 +6,7 @@ import numpy as np
 
 from ..plant.model import Plant, Signal
 from . import words
+from .parameter_words import parameter_tables, sampling_facts
 from .table import Fact, Table, table
 
 
@@ -22,16 +23,19 @@ def facts(plant: Plant) -> tuple[Fact, ...]:
     """
     period = f"{words.seconds(plant.sample_period)} ({plant.kind} time)"
     return (Fact("Plant", f"{plant.title or plant.name} ({plant.name})"), Fact("Source", plant.source or "not given"),
-            Fact("Sample period", period), Fact("Model", _model(plant)), Fact("Modes", _modes(plant)),
-            Fact("Switching", switching(plant)))
+            Fact("Sample period", period), *sampling_facts(plant), Fact("Model", _model(plant)),
+            Fact("Modes", _modes(plant)), Fact("Switching", switching(plant)))
 
 
 def _model(plant: Plant) -> str:
     sizes = [words.count(plant.n_x, "state"), words.count(plant.n_u, "input"), words.count(plant.n_y, "output"),
              words.count(plant.n_w, "disturbance"), words.count(plant.n_v, "noise channel"),
              words.count(plant.n_f, "fault channel")]
-    return (f"{words.listed(sizes)}; per mode q: x⁺ = A x + B u + Bw w + Bf f, y = C x + D u + Dv v + Df f"
-            + ("; A … depend on the parameters theta" if plant.theta else ""))
+    left = "x′" if plant.kind == "continuous" else "x⁺"
+    terms = words.listed(sorted({name for m in plant.modes for name in m.theta_terms}))
+    several = " and " in terms
+    return (f"{words.listed(sizes)}; per mode q: {left} = A x + B u + Bw w + Bf f, y = C x + D u + Dv v + Df f"
+            + (f"; {terms} {'are' if several else 'is'} affine in the parameters theta" if terms else ""))
 
 
 def _modes(plant: Plant) -> str:
@@ -55,6 +59,7 @@ def switching(plant: Plant) -> str:
     if plant.n_modes == 1:
         return "none: there is one mode"
     told = "the firmware is told the mode at every sample" if s.known else "the firmware must find out the mode"
+    told += ", perhaps that of the sample before" if s.late else ""
     if s.average_dwell is None:
         return f"arbitrary, as fast as every sample; {told}"
     samples = words.number(s.average_dwell / plant.sample_period)
@@ -63,7 +68,7 @@ def switching(plant: Plant) -> str:
 
 
 def tables(plant: Plant) -> tuple[Table, ...]:
-    """List the signals of the plant, and its initial box.
+    """List the signals of the plant with its initial box, and its parameters.
 
     Parameters
     ----------
@@ -74,17 +79,18 @@ def tables(plant: Plant) -> tuple[Table, ...]:
     tuple of Table
     """
     rows = []
-    for kind, vector in (("state", "x"), ("input", "u"), ("output", "y"), ("fault", "f"), ("parameter", "theta")):
+    for kind, vector in (("state", "x"), ("input", "u"), ("output", "y"), ("fault", "f")):
         for j, signal in enumerate(getattr(plant, vector)):
             rows.append((f"{kind}{words.HARD}{vector}[{j}]", signal.name, signal.unit or words.NONE,
                          words.interval(signal.lo, signal.hi, signal.unit),
                          words.interval(plant.x0_lo[j], plant.x0_hi[j], signal.unit) if vector == "x" else ""))
     signals = table("Signals and their declared ranges", ("signal", "name", "unit", "range", "at the start"), rows)
+    parameters = parameter_tables(plant)
     unknown = [row for vector, kind in (("w", "disturbance"), ("v", "noise")) for row in _bounds(plant, vector, kind)]
     if not unknown:
-        return (signals,)
-    return signals, table("What may act at any time, within these bounds", ("signal", "name", "unit", "bounds", "mode"),
-                          unknown)
+        return (signals, *parameters)
+    return signals, *parameters, table("What may act at any time, within these bounds",
+                                       ("signal", "name", "unit", "bounds", "mode"), unknown)
 
 
 def _bounds(plant: Plant, vector: str, kind: str) -> list[tuple[str, ...]]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from ..analysis.validate import Outcome
 from . import firmware_words, outcome_words, words
+from .design_words import NEVER, unseen
 from .table import Fact
 
 
@@ -68,7 +69,7 @@ def purpose(design) -> str:
     text : str
     """
     plant = design.plant
-    outputs = words.listed(s.name for s in plant.y)
+    outputs = words.listed(dict.fromkeys(s.name for s in (*plant.y, *plant.theta) if s.measured))
     states = words.listed(s.name for s in plant.x)
     return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it reads "
             f"{outputs}, answers with guaranteed bounds on {states}, and raises an alarm only when the measurements "
@@ -96,7 +97,9 @@ def _figures(design, real: str, record: dict, outcomes: list[Outcome]) -> tuple[
     for fault in design.detection[real]:
         by_delay = fault["by_delay"]
         if by_delay[-1] is None:
-            figures.append(Fact(f"{fault['channel']}: no fault surely detected", "none"))
+            what = ("no fault surely detected" if unseen(design, real, fault["channel"]) == NEVER
+                    else "no surely detected size given")
+            figures.append(Fact(f"{fault['channel']}: {what}", "none"))
             continue
         when = words.within(by_delay.index(by_delay[-1]), design.plant.sample_period)
         size = words.quantity(words.at_most(by_delay[-1]), fault["unit"])

@@ -37,6 +37,8 @@ class Method:
 
     def family_for(self, plant) -> str:
         """Run-time family for a plant: some methods take another one for a sampled plant."""
+        if plant.switching.late:
+            return "tnl"  # only there the step waits for what the next sample tells
         choose = getattr(self.module, "family_for", None)
         return self.family if choose is None else choose(plant)
 

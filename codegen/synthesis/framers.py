@@ -48,6 +48,8 @@ def check_options(where: str, options: dict) -> None:
 
 def inapplicable(plant, tnl: bool) -> str | None:
     """Why a plant cannot have an interval observer of this form, with what to change; None if it can."""
+    if plant.switching.late:
+        return 'the mode is told late, expected at its own sample. Use method "tnl-interval-lpv" or "lpv-interval".'
     if plant.kind != "discrete":
         return 'the plant is continuous, expected discrete. Use method "tnl-interval-lpv" or "lpv-interval".'
     if plant.theta:
@@ -58,7 +60,17 @@ def inapplicable(plant, tnl: bool) -> str | None:
 
 def inapplicable_varying(plant, tnl: bool, split: bool = False) -> str | None:
     """As ``inapplicable`` for the methods that take parameters and continuous plants."""
-    if plant.kind == "discrete" and not plant.theta:
+    if plant.switching.late:
+        first = plant.modes[0]
+        for mode in plant.modes:
+            for name in ("C", "D", "Dv", "v_lo", "v_hi"):
+                if not np.array_equal(getattr(mode, name), getattr(first, name)):
+                    return (f'{name} of mode "{mode.name}" differs from that of "{first.name}", expected the same in '
+                            "all modes where the mode is told late. Take what covers both.")
+            if mode.theta_bounds is not None:
+                return (f'the bounds of a parameter in mode "{mode.name}" are its own, expected the same in all modes '
+                        "where the mode is told late. Leave them out of bounds.")
+    elif plant.kind == "discrete" and not plant.theta:
         return 'the plant has constant matrices in discrete time. Use method "tnl-interval" or "interval".'
     for mode in plant.modes:
         for name in set(mode.theta_terms) - {"A", "B"}:
@@ -142,13 +154,21 @@ def candidates_varying(plant, tnl: bool, options: dict, judge, settled, progress
     if options.get("criterion") == "detection":
         raise DesignError(f'{plant.name}: criterion "detection" is for constant matrices per mode, expected "width" or '
                           '"linf". Without a criterion the design with the smallest surely detected fault is kept.')
+    if plant.switching.late and options.get("criterion") == "linf":
+        raise DesignError(f'{plant.name}: criterion "linf" is not to be had where the mode is told late, expected '
+                          '"width": '
+                          "the union of two framers may be larger than either in the norm of a quadratic function.")
     problem = Problem.of(plant, tnl, split)
-    reason = None if split or problem.parameters else obstruction(problem)
+    # Of a continuous plant with measured parameters the caller tells the longest period that has a design.
+    reason = None if problem.parameters and plant.kind == "continuous" else obstruction(problem)
     if reason is not None:
         raise DesignError(f"{plant.name}: {reason}")
     wanted = [options["criterion"]] if "criterion" in options else ["width", "linf"]
     if "width" in wanted:
         yield from policy.candidates(problem, options, progress)
+    if plant.switching.late:
+        return  # the other two criteria bound a sum of errors, which a union of two framers does not keep
+    if "width" in wanted:
         yield from width.candidates(problem, options, progress)
     if "linf" in wanted:
         found = False

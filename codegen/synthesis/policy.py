@@ -84,7 +84,8 @@ class Row:
         split = self.problem.split
         terms = [*self.fixed, *(noise for *_, noise in self.at_corner)]
         # The solver's tolerances are absolute: widths are counted in what one sample adds without gains.
-        unit = max(sum(np.abs(constant) @ weight for _, constant, weight in self.fixed), 1e-12 * W.max(), 1e-300)
+        unit = max(sum(np.abs(constant) @ weight for _, constant, weight in self.fixed), 1e-3 * W.max())
+        unit = unit if unit > 0 else max((w.max() for *_, w in terms if w.size), default=0.0) or 1.0
         W, terms = W / unit, [(matrix, constant, weight / unit) for matrix, constant, weight in terms]
         count = sum(len(weight) for *_, weight in terms)
         extra = len(W) * len(self.at_corner) if split else 0

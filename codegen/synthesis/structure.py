@@ -45,26 +45,42 @@ def best_row(A: Array, C: Array, i: int, tnl: bool) -> tuple[float, int]:
 
 
 def obstruction(problem: Problem) -> str | None:
-    """Say which mode and entry forbids T A - L C >= 0, or which direction forbids decay; None if neither does."""
-    for q, name in enumerate(problem.names):
-        A, C = problem.A[q], problem.C[q]
+    """Say which mode and entry forbids T A - L C >= 0, or which direction forbids decay; None if neither does.
+
+    Gains that are scheduled may be others at every corner of the parameters: one corner without any is enough. Where
+    entries may have either sign (``split``) nothing of this stands in the way.
+    """
+    if problem.split:
+        return None
+    gains, matrix = ("L, N", "T A - L C") if problem.tnl else ("L", "A - L C")
+    other = "" if problem.tnl else f'Try method "{"tnl-interval" if problem.x_max is None else "tnl-interval-lpv"}", or '
+    for q, corner, A in _corners(problem):
         for i in range(len(A)):
-            value, j = best_row(A, C, i, problem.tnl)
+            value, j = best_row(A, problem.C[q], i, problem.tnl)
             if value < -1e-9 * max(1.0, np.abs(A).max()):
-                gains = "L, N" if problem.tnl else "L"
-                matrix = "T A - L C" if problem.tnl else "A - L C"
-                other = "" if problem.tnl else 'Try method "tnl-interval", or '
-                return (f'no {gains} give {matrix} >= 0 in mode "{name}": best entry ({problem.states[i]}, '
-                        f"{problem.states[j]}) is {value:.3g}. {other or ''}"
+                return (f'no {gains} give {matrix} >= 0 in mode "{problem.names[q]}"{at_words(corner)}: best entry '
+                        f"({problem.states[i]}, {problem.states[j]}) is {value:.3g}. {other}"
                         f"{'measure' if other else 'Measure'} {problem.states[j]}.")
-    for q, name in enumerate(problem.names):
-        z = unseen_growth(problem.A[q], problem.C[q], problem.tnl)
+    for q, corner, A in _corners(problem):
+        z = unseen_growth(A, problem.C[q], problem.tnl)
         if z is not None:
             parts = " + ".join(f"{v:.3g} {s}" for v, s in zip(z, problem.states) if v > 1e-9)
-            return (f'the direction z = {parts} is invisible to the outputs of mode "{name}" (C z = 0'
-                    f"{', C A z = 0' if problem.tnl else ''}) and does not decay (A z >= z), whatever the gains. "
-                    "Measure one of these states.")
+            return (f'the direction z = {parts} is invisible to the outputs of mode "{problem.names[q]}"'
+                    f"{at_words(corner)} (C z = 0{', C A z = 0' if problem.tnl else ''}) and does not decay (A z >= z), "
+                    "whatever the gains. Measure one of these states.")
     return None
+
+
+def _corners(problem: Problem):
+    """Yield (mode, corner of theta, A there) over all modes."""
+    for q in range(len(problem.names)):
+        for corner, A in problem.at(q):
+            yield q, corner, A
+
+
+def at_words(corner: Array) -> str:
+    """Name a corner of theta; empty where nothing is measured."""
+    return f" at theta = ({', '.join(f'{v:g}' for v in corner)})" if len(corner) else ""
 
 
 def unseen_growth(A: Array, C: Array, tnl: bool) -> Array | None:
@@ -121,8 +137,7 @@ def slow_reason(problem: Problem, lam: float) -> str | None:
     if s <= np.sqrt(1.0 - lam):
         return None
     parts = " + ".join(f"{v:.3g} {x}" for v, x in zip(z, problem.states) if v > 1e-9)
-    where = f" at theta = ({', '.join(f'{v:g}' for v in corner)})" if len(corner) else ""
     return (f"lambda = {lam:g} asks for decay by {np.sqrt(1.0 - lam):.4g} per sample, but in mode "
-            f'"{problem.names[q]}"{where} the direction z = {parts} is invisible to the outputs (C z = 0, so '
+            f'"{problem.names[q]}"{at_words(corner)} the direction z = {parts} is invisible to the outputs (C z = 0, so '
             f"(A - L C) z = A z for every L) and A z >= {s:.4g} z. Ask for lambda below {1.0 - s * s:.4g}, or measure "
             "another state.")

@@ -1,0 +1,157 @@
+"""Where the constants of a map with parameters and radii stand: base values, slopes and radii, read one by one.
+
+Such a map computes its coefficients (``M_0_1 = base + slope * th_0``) and what moves both bounds apart
+(``apart_0 = R * m_0 + S * a_0 + E * |L_0_0|``). Every local number is read as a sum of its own, the local operands
+th, m and a must be what their names say, and a row may hold nothing else.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+from ..emit.maps import Linear
+from ..emit.varying import Varying
+from ..errors import CertificateError
+from .c_reader import Source
+from .symbolic import NOWHERE, Affine, Machine, number, plain
+
+SIDES = ("lo", "hi")
+
+
+def read_varying(source: Source, v: Varying, q: int, mode: str, found) -> None:
+    """Execute a map in one mode and compare everything that it is made of with the tables.
+
+    Parameters
+    ----------
+    source : Source
+    v : Varying
+    q : int
+    mode : str
+        Its name.
+    found : object
+        Takes entries with ``add(name, mode, function, index, expected, coefficient)``.
+
+    Raises
+    ------
+    CertificateError
+        A constant differs, is missing, or is one too many.
+    """
+    spec = v.spec
+    machine = Machine(source, spec.names.real, {"in->mode": q, "s->mode": q}, named=True,
+                      skip=frozenset({f"{spec.names.prefix}_cut"}))
+    machine.call(spec.name)
+    reader = _Reader(source, v, q, mode, found, machine)
+    reader.operands()
+    for side in SIDES:
+        for i in range(len(spec.rows)):
+            reader.row(side, i)
+    reader.finish()
+
+
+class _Reader:
+    """One map in one mode; ``used`` are the locals that some row asked for."""
+
+    def __init__(self, source: Source, v: Varying, q: int, mode: str, found, machine: Machine):
+        self.source, self.v, self.q, self.mode, self.found = source, v, q, mode, found
+        self.machine, self.defined, self.used = machine, machine.defined, set()
+
+    def add(self, name: str, index: tuple[int, ...], expected, c) -> None:
+        """Enter one number."""
+        self.found.add(name, self.mode, self.v.spec.name, index, expected, c)
+
+    def refuse(self, what: str):
+        """Say what is not as the tables know it."""
+        raise CertificateError(f"{self.source.name}: {self.v.spec.name} in mode {self.mode!r}: {what}, which the tables do "
+                               "not know. Print it again.")
+
+    def operands(self) -> None:
+        """Check the parameters of the step and the magnitudes of state and input."""
+        v, (lo, hi) = self.v, (f"{self.v.spec.state.operand}_{s}" for s in SIDES)
+        wanted = {f"m_{j}": f"+ max(- {lo}[{j}], + {hi}[{j}])" for j in range(v.R.shape[2])}
+        wanted |= {f"a_{j}": f"+ |+ {v.inputs}[{j}]|" for j in range(v.S.shape[2])}
+        for name in self.defined.keys() & wanted.keys():
+            self.used.add(name)
+            if plain(self.defined[name]) != {wanted[name][2:]: Fraction(1)}:
+                self.refuse(f"{name} is {self.text(name)}")
+        for j, text in enumerate(v.theta):
+            if (local := self.defined.get(f"th_{j}")) is None:
+                continue
+            self.used.add(f"th_{j}")
+            factor, mean, inside = text.partition(" * ")
+            operand = "+ " + inside.strip("()").replace(" + ", " + + ").replace("+ + ", "+ ") if mean else text
+            if set(plain(local)) != {operand}:
+                self.refuse(f"th_{j} is {self.text(f'th_{j}')}")
+            if mean:
+                self.add("theta_weight", (j,), float(number(factor, v.spec.names.real)), local[operand])
+            elif plain(local)[operand] != 1:
+                self.refuse(f"th_{j} is {self.text(f'th_{j}')}")
+
+    def row(self, side: str, i: int) -> None:
+        """Read one bound: common part, offset, state, radius."""
+        spec = self.v.spec
+        row = self.expand(self.machine.memory.get(f"{spec.target(side)}[{i}]", {}))
+        common = self.part(row, f"common_{i}", 1)
+        for part in spec.common:
+            for j in range(part.side(side).shape[2]):
+                self.entry(common, part, side, i, j, f"{part.operand}[{j}]")
+        self.empty(common, f"common_{i}")
+        self.add(spec.offset.label(side), (i,), spec.offset.side(side)[self.q, i], row.pop("", NOWHERE))
+        own, other = (f"{spec.state.operand}_{s}" for s in (side, SIDES[side == "lo"]))
+        for j, value in enumerate(spec.state.side(side)[self.q, i]):
+            flipped = value < 0 if self.v.flipped is None else self.v.flipped[self.q, i, j]
+            self.entry(row, spec.state, side, i, j, f"{other if flipped else own}[{j}]")
+        self.radius(self.part(row, f"apart_{i}", 1 if side == "hi" else -1), i)
+        self.empty(row, f"row {i}")
+
+    def entry(self, row: Affine, part: Linear, side: str, i: int, j: int, operand: str) -> None:
+        """Read one entry: a number, or a coefficient that is computed from the parameters."""
+        slopes = self.v.slopes.get(part.name)
+        local = self.part(row, f"{part.name}_{i}_{j}", 1, f" * {operand}")
+        computed = f"{part.name}_{i}_{j}" in self.defined
+        base = local.pop("", NOWHERE) if computed else row.pop(operand, NOWHERE)
+        self.add(part.label(side), (i, j), part.side(side)[self.q, i, j], base)
+        for p in range(0 if slopes is None else slopes.shape[1]):
+            self.add(f"{part.name}_theta", (p, i, j), slopes[self.q, p, i, j], local.pop(f"th_{p}", NOWHERE))
+        self.empty(local, f"{part.name}_{i}_{j}")
+
+    def radius(self, apart: Affine, i: int) -> None:
+        """Read what moves the bounds of row i apart."""
+        v = self.v
+        names = ("R", "S") if v.slopes else ("Ra", "Sa")
+        for name, values, local in zip(names, (v.R, v.S), "ma"):
+            for j in range(values.shape[2]):
+                self.add(name, (i, j), values[self.q, i, j], apart.pop(f"{local}_{j}", NOWHERE))
+        for j in range(v.E.shape[2]):
+            self.add("E", (i, j), v.E[self.q, i, j], apart.pop(f"|+ L_{i}_{j}|", NOWHERE))
+        self.empty(apart, f"apart_{i}")
+
+    def part(self, row: Affine, name: str, sign: int, times: str = "") -> Affine:
+        """Take a local (times an operand) out of a sum; return the sum that it stands for, empty where there is none."""
+        if name not in self.defined:
+            return {}
+        self.used.add(name)
+        c = row.pop(name + times, NOWHERE)
+        if c.value != sign or c.literal:
+            self.refuse(f"{float(c.value):g} times {name}{times}")
+        return dict(self.defined[name])
+
+    def expand(self, row: Affine) -> Affine:
+        """A copy of the sum that a single local stands for."""
+        while len(row) == 1 and plain(row).get(name := next(iter(row))) == 1 and name in self.defined:
+            self.used.add(name)
+            row = self.defined[name]
+        return dict(row)
+
+    def text(self, name: str) -> str:
+        """The sum that a local stands for."""
+        return " + ".join(f"{float(c):g} {operand}" for operand, c in plain(self.defined[name]).items()) or "0"
+
+    def empty(self, row: Affine, where: str) -> None:
+        """Refuse what is left."""
+        if extra := plain(row):
+            self.refuse(f"{where} has a term with {', '.join(extra)}")
+
+    def finish(self) -> None:
+        """Refuse locals that no row asked for."""
+        if extra := self.defined.keys() - self.used:
+            self.refuse(f"{', '.join(sorted(extra))} is in no row")

@@ -1,0 +1,124 @@
+"""Parameters and sampling in words: what is known of theta, and what may happen between samples."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..plant.model import Plant, Signal
+from . import words
+from .table import Fact, Table, table
+
+SCHEMES = {
+    "exponential": "the whole series of the transition over a period, to the last digits",
+    "second-order": "the series of the transition over a period up to its second order",
+    "euler": "the Euler step",
+}
+ANY = "any: it may jump"
+
+
+def parameter_tables(plant: Plant) -> tuple[Table, ...]:
+    """List the parameters with bounds, rates and errors; none where the plant has no parameters.
+
+    Parameters
+    ----------
+    plant : Plant
+
+    Returns
+    -------
+    tuple of Table
+    """
+    rows = []
+    for j, s in enumerate(plant.theta):
+        limits = limits_of(plant, j)
+        same = len(set(limits)) == 1
+        for (lo, hi), mode in zip(limits[:1] if same else limits, plant.modes):
+            rows.append((f"theta[{j}]", s.name, s.unit or words.NONE, words.interval(lo, hi, s.unit),
+                         "every mode" if same else mode.name, _rate(s) if np.isfinite(s.rate) else ANY,
+                         "yes" if s.measured else "no", words.quantity(words.number(s.error), s.unit) if s.measured
+                         else words.NONE))
+    notes = ("A measured parameter is an input of the firmware (in->theta); a value beyond its bounds, error included, "
+             "is refused. One that is not measured may be anything within its bounds, and another at every sample.",)
+    head = ("parameter", "name", "unit", "bounds", "mode", "fastest change", "measured", "#error at most")
+    return (table("Parameters of the matrices", head, rows, notes),) if rows else ()
+
+
+def limits_of(plant: Plant, j: int) -> list[tuple[float, float]]:
+    """Bounds of a parameter in every mode."""
+    s = plant.theta[j]
+    own = [m.theta_bounds for m in plant.modes]
+    return [(s.lo, s.hi) if b is None else (float(b[0][j]), float(b[1][j])) for b in own]
+
+
+def _rate(s: Signal) -> str:
+    return words.quantity(words.number(s.rate), f"{s.unit}/s" if s.unit else "per s")
+
+
+def sampling_facts(plant: Plant) -> tuple[Fact, ...]:
+    """Say how a continuous plant becomes a discrete one, and what is assumed between samples.
+
+    Parameters
+    ----------
+    plant : Plant
+
+    Returns
+    -------
+    tuple of Fact
+        Empty for a discrete plant.
+    """
+    if plant.kind != "continuous":
+        return ()
+    scheme = plant.options.get("sampling", "exponential")
+    how = (f"“{scheme}”: {SCHEMES[scheme]}; what that leaves out is bounded in ball arithmetic and part of the "
+           "constants, so the guarantee is about the continuous plant")
+    facts = [Fact("Sampling", how), Fact("Between samples", between(plant))]
+    if any(s.measured for s in plant.theta):
+        facts.append(Fact("Parameters of a step", "the mean of the measurements at both its ends"
+                          if plant.reads_both_ends else "the measurement at its start"))
+    return tuple(facts)
+
+
+def between(plant: Plant) -> str:
+    """Say what may move between samples."""
+    held = [s.name for s in plant.u if not s.rate]
+    parts = [f"{words.listed(held)} {'is' if len(held) == 1 else 'are'} held"] if held else []
+    parts += [f"{s.name} moves by at most {_rate(s)}" for s in plant.u if s.rate]
+    moving = [what for what, some in (("disturbances", plant.w), ("parameters", plant.theta)) if some]
+    free = [f"{words.listed(moving)} move as they like within their bounds"
+            + (" and rates" if any(np.isfinite(s.rate) for s in plant.theta) else "")] if moving else []
+    return "; ".join([*parts, "the mode changes at samples only", *free])
+
+
+def assumed(plant: Plant) -> tuple[str, ...]:
+    """State what is assumed of parameters and of the time between samples."""
+    items = []
+    for j, s in enumerate(plant.theta):
+        limits = limits_of(plant, j)
+        where = words.interval(*limits[0], s.unit) if len(set(limits)) == 1 else "; ".join(
+            f"{words.interval(lo, hi, s.unit)} in mode “{m.name}”" for (lo, hi), m in zip(limits, plant.modes))
+        speed = f"changes by at most {_rate(s)}" if np.isfinite(s.rate) else "may jump"
+        known = ("is measured without error" if not s.error else
+                 f"is measured to within {words.quantity(words.number(s.error), s.unit)}") if s.measured else (
+                     "is not measured")
+        items.append(f"The parameter {s.name} is in {where}, {speed}, and {known}.")
+    if plant.kind == "continuous":
+        text = between(plant)
+        items.append(f"Between samples: {text}.")
+    if plant.switching.late:
+        items.append("The mode told is that of the sample or of the one before; no other.")
+    return tuple(items)
+
+
+def not_guaranteed(plant: Plant) -> tuple[str, ...]:
+    """State what parameters and sampling leave open."""
+    items = []
+    if any(not s.measured for s in plant.theta):
+        names = words.listed(s.name for s in plant.theta if not s.measured)
+        items.append(f"That a change of {names} is noticed: the observer is made to bear every one within the bounds. "
+                     "Nor does anything watch these bounds: outside them nothing is guaranteed, and “assured” may stay.")
+    if any(s.measured for s in plant.theta):
+        quick = " and faster than the rates given" if any(np.isfinite(s.rate) for s in plant.theta if s.measured) else ""
+        items.append("Anything while a measured parameter is off by more than its error"
+                     f"{quick.replace(' and', ', or')}: only its bounds are checked at run time.")
+    if plant.kind == "continuous":
+        items.append("The state bounds between samples. They hold at the samples.")
+    return tuple(items)
