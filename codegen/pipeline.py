@@ -11,9 +11,11 @@ from pathlib import Path
 from .analysis.validate import Outcome, validate
 from .designs import Design, read_checked
 from .errors import EmitError, ValidationError
+from .periods import FACTORS, PeriodPoint, curve
 from .plant.load import load
 from .plant.model import Plant
 from .select import choose
+from .synthesis import METHODS
 
 Progress = Callable[[str], None]
 
@@ -105,15 +107,38 @@ def run(plant, out=None, method: str | None = None, real: str | None = None, lay
         progress("compiling")
         driver = build(folder)
         outcomes = validate(made, driver, progress=progress)
+        periods = period_curve(made, progress)
         progress("writing the report")
         document.update(folder, "validation", (outcomes, broken(made, driver.real, outcomes), plant.scenarios),
                         lambda: made)
-        write_report(folder, made, driver, outcomes)
+        write_report(folder, made, driver, outcomes, periods)
         require(made, driver.real, outcomes)
         package.publish(folder, final)
     finally:
         shutil.rmtree(stage, ignore_errors=True)
     return Result(final, made, outcomes)
+
+
+def period_curve(made: Design, progress: Progress = silent) -> list[PeriodPoint]:
+    """Guaranteed width against sampling period, for the method of a design; empty for a discrete plant.
+
+    Parameters
+    ----------
+    made : Design
+    progress : callable
+
+    Returns
+    -------
+    list of PeriodPoint
+    """
+    if made.plant.kind != "continuous":
+        return []
+    method = METHODS[made.method]
+    points = []
+    for n, factor in enumerate(FACTORS, 1):
+        progress(f"sampling periods, {n} of {len(FACTORS)}: {made.plant.sample_period * factor:.3g} s")
+        points += curve(made.plant, method.tnl, getattr(method.module, "SPLIT", False), (factor,))
+    return points
 
 
 def generate(design: Design, out, real: str | None = None, layout: str | None = None) -> Path:
@@ -252,4 +277,4 @@ def broken(made: Design, real: str, outcomes: list[Outcome]) -> str:
     return ""
 
 
-__all__ = ["Design", "Result", "broken", "check_assurance", "design", "generate", "record", "require", "run"]
+__all__ = ["Design", "Result", "broken", "check_assurance", "design", "generate", "period_curve", "record", "require", "run"]

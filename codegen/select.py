@@ -83,8 +83,8 @@ def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple[Framer
     return tables, prove(modes, tables, proof)
 
 
-def both_sides(c: Candidate, plant: Plant, module) -> dict:
-    """The same gains for the upper and the lower framer."""
+def both_sides(c: Candidate, plant: Plant, module=None) -> dict:
+    """The same gains for the upper and the lower framer; ``module`` is the method's."""
     gains = {"L_hi": c.L, "L_lo": c.L, "N_hi": c.N, "N_lo": c.N}
     if c.L_theta is not None:
         gains |= {"L_theta": c.L_theta, "midpoint": plant.reads_both_ends, "late": plant.switching.late,
@@ -238,10 +238,10 @@ def fixed_gains(plant: Plant, name: str, options: dict, within: int) -> Trial:
     if "lambda" in options and ("P" in given or "P_hi" in given):
         proof = given_proof(plant, given, options)
     steps = array(plant, "L_theta", given.get("L_theta", np.zeros(slopes)), slopes) if varying else None
-    c = Candidate("gains of the plant file", gains["L_hi"], gains["N_hi"], {"kind": "box"} if varying else proof, steps)
+    c = Candidate("gains of the plant file", gains["L_hi"], gains["N_hi"], proof, steps)
     if varying:
         gains = both_sides(c, plant, METHODS[name].module)
-    tables, cert = certified(plant, gains, c.proof, plant.target.real)
+    tables, cert = certified(plant, gains, proof, plant.target.real)
     return Trial(name, c, gains, tables, cert, surely_detected(plant, tables, cert, within))
 
 

@@ -97,14 +97,17 @@ def _applies(p: Plant, name: str, entry) -> str:
 
 def claims(design) -> None:
     """Print what was chosen and what is proved for the target's number type."""
+    from .report.design_words import unseen
+
     real = design.plant.target.real
     chosen = next(c for c in design.choice if c["chosen"])
     out.print(f"{design.plant.name}: {design.method}, {chosen['design']} (best of {len(design.choice)})")
     proved(design, {real: design.claims(real)})
     for fault in design.detection[real]:
         size = fault["by_delay"][-1]
-        words = "no size is surely detected" if size is None else f"{number(size)} {fault['unit']} is surely detected"
-        out.print(f"  fault {fault['channel']}: {words} within {len(fault['by_delay']) - 1} samples")
+        words = f"{number(size)} {fault['unit']} is surely detected within {len(fault['by_delay']) - 1} samples"
+        out.print(f"  fault {fault['channel']}: " + (words if size is not None else
+                                                     f"surely detected: {unseen(design, real, fault['channel'])}"))
 
 
 def proved(design, sentences: dict[str, list[str]]) -> None:

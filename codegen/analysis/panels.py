@@ -1,4 +1,4 @@
-"""One panel each: residual bounds, state bounds, modes, alarms, drawn on given axes."""
+"""One panel each: residual bounds, state bounds, parameters, modes, alarms, drawn on given axes."""
 
 from __future__ import annotations
 
@@ -113,6 +113,34 @@ def is_thin(run: Run, i: int) -> bool:
     lo, hi = (a[run.window, i][run.calm] for a in (run.trace.x_lo, run.trace.x_hi))
     known = ~np.isnan(lo)
     return bool(known.any()) and bool(np.median((hi - lo)[known]) < THIN * (hi[known].max() - lo[known].min()))
+
+
+def known_parameters(run: Run) -> list[int]:
+    """Parameters whose values the run holds; a log may lack those that are not measured."""
+    return [j for j in range(len(run.plant.theta)) if not np.isnan(run.truth.theta[run.window, j]).all()]
+
+
+def parameter(axis: Axes, run: Run, j: int) -> None:
+    """One parameter between its bounds, which may be others in each mode."""
+    signal, value = run.plant.theta[j], run.truth.theta[run.window, j]
+    index = pick(value[:, None], BUCKETS)
+    axis.plot(run.time[index], value[index], color=MODE, linewidth=1.1)
+    own = [(signal.lo, signal.hi) if m.theta_bounds is None else (m.theta_bounds[0][j], m.theta_bounds[1][j])
+           for m in run.plant.modes]
+    for limits in np.array(own).T if len(set(own)) == 1 else ():
+        axis.axhline(limits[0], color=EDGE, linewidth=0.8, linestyle="--")
+    if len(set(own)) > 1:
+        q = np.clip(run.truth.q[run.window], 0, len(own) - 1)
+        for limit in np.array(own).T:
+            edges = np.flatnonzero(np.diff(limit[q]))
+            if len(edges) < BUCKETS:  # faster ones could not be told apart
+                at = np.concatenate([[0], edges + 1])
+                axis.stairs(limit[q][at], np.append(run.time[at], run.time[-1]), baseline=None, color=EDGE,
+                            linewidth=0.8, linestyle="--")
+    _limits(axis, [value, np.array(own)])
+    error = f", measured to within {signal.error:g}" if signal.error else ""
+    axis.set_title(f"Parameter {signal.name}{error if signal.measured else ', not measured'}; dashed: its bounds")
+    axis.set_ylabel(_unit(signal.name, signal.unit))
 
 
 def modes(axis: Axes, run: Run) -> None:

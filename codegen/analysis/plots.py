@@ -25,7 +25,7 @@ def whole(plant: Plant, truth: PlantTrace, trace: Trace) -> Run:
 
 
 def residual_figure(run: Run) -> Figure:
-    """Draw the residual bounds of every output, and below them mode, fault, alarm and guarantee.
+    """Draw the residual bounds of every output, and below them parameters, mode, fault, alarm and guarantee.
 
     Parameters
     ----------
@@ -81,7 +81,8 @@ def _states(run: Run) -> list[Panel]:
 
 def _strips(run: Run) -> list[Panel]:
     modes = [(0.3 + 0.17 * run.plant.n_modes, lambda axis: panels.modes(axis, run))] if run.plant.n_modes > 1 else []
-    return [*modes, (0.85, lambda axis: panels.monitor(axis, run))]
+    theta = [(0.95, lambda axis, j=j: panels.parameter(axis, run, j)) for j in panels.known_parameters(run)]
+    return [*theta, *modes, (0.85, lambda axis: panels.monitor(axis, run))]
 
 
 def _keys(line: str, outside: bool) -> list:

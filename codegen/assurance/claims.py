@@ -19,6 +19,9 @@ from . import margins
 from .margins import Margin
 
 GAINS = ("M", "G", "L", "N", "d")
+SLOPES = ("M_theta", "G_theta", "L_theta", "theta_weight")
+RADII = ("R", "S", "E")
+THETA = ("signals.theta", "mode.bounds")
 EXACT = ("exact", "independent", "read-back")
 MATRICES = ("A", "B", "C", "D", "Bw", "Dv")
 PLANT = (*MATRICES, "signals.x", "signals.u", "signals.y", "signals.w", "signals.v", "mode.bounds", "constants")
@@ -74,7 +77,7 @@ def claims(design, real: str) -> list[Claim]:
     CertificateError
         A sentence of the certificate has no condition here, or a condition does not hold.
     """
-    t, cert, modes = design.observer.tables[real], design.certificate[real], design.plant.modes
+    t, cert, modes = design.observer.tables[real], design.certificate[real], design.plant.observed.modes
     out = []
     for (begins, make), sentence in zip_longest(_of_certificate(design, t, cert, modes), design.claims(real),
                                                 fillvalue=("no other", None)):
@@ -82,7 +85,7 @@ def claims(design, real: str) -> list[Claim]:
             raise CertificateError(f"assurance: no condition is known for the claim {sentence!r} (expected one that "
                                    f"begins with {begins!r}). Add it to codegen/assurance/claims.py.")
         out.append(_held(make(sentence)))
-    return [*out, _held(_ranges(design, t)), *map(_held, _monitor(design, cert)), *_detection(design, t, cert, real),
+    return [*out, _held(_ranges(design, t)), *map(_held, _parameters(t, modes)), *map(_held, _monitor(design, cert)), *_detection(design, t, cert, real),
             *_of_the_c()]
 
 
@@ -97,22 +100,36 @@ def _held(claim: Claim) -> Claim:
 
 def _of_certificate(design, t, cert, modes):
     """Yield (beginning of the sentence, what makes its claim), in the order of ``certify.claims.check``."""
-    family = _source(inspect.getmodule(type(design.observer)))
+    family, timed = _source(inspect.getmodule(type(design.observer))), _timed(design)
+    varying = (*SLOPES, *RADII) * (t.vary is not None)
 
     def claim(id, words, formula, source, code, found, plant=PLANT, constants=GAINS, checks=EXACT):
-        return lambda text: Claim(id, text, plant, words, formula, source, _code(code), constants, tuple(found), checks)
+        return lambda text: Claim(id, text, (*plant, *timed), words, formula, source, code if isinstance(code, str)
+                                  else _code(code), (*constants, *varying), tuple(found), checks)
 
     gain = "T A - L C" if design.observer.family == "tnl" else "A - L C"
-    yield "T A - L C >= 0", claim(
-        "nonnegative", "Errors of the framers keep their sign: the matrix that carries them on has no negative entry.",
-        f"M >= 0 elementwise, M = {gain} up to rounding, T = I - N C", family, certificate._nonnegative,
-        margins.nonnegative(modes, t), plant=("A", "C", "constants"), constants=("M", "L", "N"))
+    if t.signed:
+        yield "each entry of T A - L C takes the bound", claim(
+            "signs", "Each product with a state is taken at the end of its interval that bounds it.",
+            f"lo: M_ij x_lo_j where M_ij >= 0, M_ij x_hi_j where M_ij < 0; hi mirrored; M = {gain} up to rounding",
+            family, certificate._nonnegative, margins.nonnegative(modes, t), plant=("A", "C", "constants"),
+            constants=("M", "L", "N"))
+    else:
+        yield "T A - L C >= 0", claim(
+            "nonnegative", "Errors of the framers keep their sign: the matrix that carries them on has no negative "
+            "entry" + (" at any corner of the box of theta." if varying else "."),
+            f"M >= 0 elementwise, M = {gain} up to rounding, T = I - N C" + ("; M, A, L affine in theta" if varying
+                                                                           else ""),
+            family, certificate._nonnegative, margins.nonnegative(modes, t), plant=("A", "C", "constants"),
+            constants=("M", "L", "N"))
     yield "x_lo <= x <= x_hi", claim(
         "containment", "Each offset reaches beyond the worst disturbance, noise and rounding, so no step loses the "
-        "state.", "d_hi >= max[T Bw w - L Dv v - N Dv v+ + (T A - L C - M) x + (T B - L D - G) u] + rounding of "
+        "state." + (" What the parameters do that nobody measures is covered by the radii." if varying else ""),
+        ("R >= |T A_unc| summed over the unknowns + |T| A_rad, S alike of B, E >= |Dv v| around its middle where L depends "
+         "on theta, each up to what the offset takes; for every theta in its box: " if varying else "") + "d_hi >= max[T Bw w - L Dv v - N Dv v+ + (T A - L C - M) x + (T B - L D - G) u] + rounding of "
         "inputs and sums; mirrored for d_lo; a and c alike for x+ = A x + B u + Bw w and y = C x + D u + Dv v",
         family, containment.Containment, margins.contained(modes, t),
-        constants=("M", "G", "L", "N", "d", "A", "B", "a", "C", "D", "c"),
+        constants=("M", "G", "L", "N", "d", "A", "B", "a", "C", "D", "c", *("Ra", "Sa") * bool(varying)),
         checks=(*EXACT, "rounding", "validation", "target"))
     yield "the framers ", claim(
         "bounded", "The framers stay in the box on which the rounding margins rest.",
@@ -138,6 +155,30 @@ def _of_certificate(design, t, cert, modes):
             "ultimate-width", "A box of errors that no mode lets them leave, and into which every error shrinks.",
             "M_q z + push_q <= z and M_q z < z in every mode", _own(criteria.check_box), criteria.check_box,
             margins.box(modes, t, cert))
+    if design.plant.kind == "continuous":
+        yield "between samples, ", claim(
+            "sampling", "The tables are proved for a discrete plant with bounded unknowns that encloses the continuous one "
+            "over every sampling period.", "x(h) = Phi x + integral of Phi Bw w; Phi in A + sum theta_j A_theta_j + "
+            "sum s_l A_unc_l + [-A_rad, A_rad], |s_l| <= 1 (Peano and Baker, order by order, with the tail)",
+            "own derivation: the discrete plant of a continuous one at its sampling period",
+            "codegen.plant.sampling.sampled", (), constants=(*GAINS, "A", "B", "a", "Ra", "Sa"),
+            checks=(*EXACT, "validation"))
+
+
+def _timed(design) -> tuple[str, ...]:
+    """Entries of the plant file that the tables of parameters and of a sampled plant come from."""
+    sampled = ("time.kind", "time.sample_period", "observer.sampling") if design.plant.kind == "continuous" else ()
+    return (*sampled, *THETA) if sampled or design.plant.theta else ()
+
+
+def _parameters(t, modes) -> list[Claim]:
+    if t.vary is None or not t.vary.parameters:
+        return []
+    return [Claim("parameters", "every measured parameter within its bounds in the mode is accepted, any other refused",
+                  THETA, "What the check accepts is rounded outward; the conditions hold for all of it.",
+                  "theta_lo <= lower bound - error, theta_hi >= upper bound + error, in each mode",
+                  _own(margins.parameters), _code(margins.parameters), ("theta",),
+                  tuple(margins.parameters(modes, t)), ("exact", "independent", "read-back", "validation"))]
 
 
 def _ranges(design, t) -> Claim:

@@ -58,10 +58,17 @@ def tightest(what: str, cases, strict: bool = False) -> Margin:
 
 
 def nonnegative(modes, t) -> list[Margin]:
-    """The entries of M."""
-    cases = [(Q(x), f'M_{side}{list(map(int, index))}, mode "{mode.name}"') for side in SIDES
-             for q, mode in enumerate(modes) for index, x in np.ndenumerate(getattr(t, "M_" + side)[q])]
-    return [tightest("smallest entry of M", cases)]
+    """The entries of M over the box of the parameters; those that take the opposite bound count as -M."""
+    exact, cases = Containment(modes, t), []
+    for side in SIDES:
+        for q, mode in enumerate(modes):
+            M = exact.scheduled(q, side).M
+            least, most = M.least(), M.largest()
+            cases += [(-most[index] if flipped else least[index],
+                       f'M_{side}{list(map(int, index))}, mode "{mode.name}"')
+                      for index, flipped in np.ndenumerate(t.flipped[q])]
+    return [tightest("smallest entry of M, with the sign for which its bound is taken" if t.signed
+                     else "smallest entry of M", cases)]
 
 
 def contained(modes, t) -> list[Margin]:
@@ -97,10 +104,12 @@ def linf(modes, t, cert: dict) -> list[Margin]:
     for side in SIDES:
         P = rational(np.array(cert["P_" + side]))
         norms += [(x - 1, f'{side}, mode "{names[q]}", state {i}') for (q, i), x in np.ndenumerate(P)]
+        for k, q in enumerate(model.mode):
+            N = rational(getattr(t, f"N_{side}")[q])
+            block = lyapunov_block(model.M[side][k], model.L[side][k], N, P[q], lam, mu)
+            pivots += [(pivot, f'{side}, {_corner(model, t, names, k)}, row {i}')
+                       for i, pivot in enumerate(_pivots(block))]
         for q, name in enumerate(names):
-            L, N = (rational(getattr(t, f"{k}_{side}")[q]) for k in "LN")
-            block = lyapunov_block(model.M[side][q], L, N, P[q], lam, mu)
-            pivots += [(pivot, f'{side}, mode "{name}", row {i}') for i, pivot in enumerate(_pivots(block))]
             jumps += [(rho * P[r][i] - P[q][i], f'{side}, from "{other}" to "{name}", state {i}')
                       for r, other in enumerate(names) for i in range(P.shape[1])]
     out = [tightest("smallest pivot of the Lyapunov matrix", pivots, strict=True),
@@ -129,9 +138,9 @@ def width(modes, t, cert: dict) -> list[Margin]:
     """The copositive function's decay, and the level."""
     model, names = ErrorModel(modes, t), [m.name for m in modes]
     p, a = rational(np.array(cert["p"])), Q(cert["a"])
-    cases = [((1 - a) * p[j] - x, f'{side}, mode "{name}", state {j}')
-             for side in (("width",) if "width" in model.push else SIDES) for q, name in enumerate(names)
-             for j, x in enumerate(p @ model.M[side][q])]
+    cases = [((1 - a) * p[j] - x, f"{side}, {_corner(model, t, names, k)}, state {j}")
+             for side in (("width",) if "width" in model.push else SIDES) for k, M in enumerate(model.M[side])
+             for j, x in enumerate(p @ M)]
     proved = check_width(model, cert, names)["width_bound"]
     return [tightest("(1 - a) p' - p' M", cases), Margin("claimed level beyond the proved one",
                                                          Q(cert["level"]) - proved)]
@@ -139,15 +148,31 @@ def width(modes, t, cert: dict) -> list[Margin]:
 
 def box(modes, t, cert: dict) -> list[Margin]:
     """The ultimate box: it is not left, and it is reached."""
-    model, stay, reach = ErrorModel(modes, t), [], []
+    model, stay, reach, names = ErrorModel(modes, t), [], [], [m.name for m in modes]
     for side, values in cert["steady_box"].items():
         z = rational(np.array(values))
-        for mode, M, push in zip(modes, model.M[side], model.push[side]):
+        for k, (M, push) in enumerate(zip(model.M[side], model.push[side])):
             for i, x in enumerate(M @ z):
-                where = f'{side}, mode "{mode.name}", state {i}'
+                where = f"{side}, {_corner(model, t, names, k)}, state {i}"
                 stay.append((z[i] - x - push[i], where))
                 reach.append((z[i] - x, where))
     return [tightest("z - (M z + push)", stay), tightest("z - M z", reach, strict=True)]
+
+
+def _corner(model: ErrorModel, t, names: list[str], k: int) -> str:
+    """The mode of an entry of the error model and, where it has several, the corner of the parameters' box."""
+    q = model.mode[k]
+    corners = [j for j, mode in enumerate(model.mode) if mode == q]
+    return f'mode "{names[q]}"' + (f", corner {corners.index(k)} of theta" if len(corners) > 1 else "")
+
+
+def parameters(modes, t) -> list[Margin]:
+    """What the check of the parameters accepts, beyond what the plant file declares, error of measurement included."""
+    cases = [(sign * (Q(table) - Q(declared)), f'parameter {j}, {side}, mode "{mode.name}"')
+             for q, mode in enumerate(modes) for side, sign in (("lo", -1), ("hi", 1))
+             for j, (table, declared) in enumerate(zip(getattr(t.vary, f"theta_{side}")[q],
+                                                       getattr(mode, f"theta_{side}")))]
+    return [tightest("accepted theta beyond the declared bounds", cases)]
 
 
 def ranges(limits: dict, t) -> list[Margin]:

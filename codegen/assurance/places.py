@@ -74,7 +74,7 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
         for spec in _maps(design.observer.family, t, names, d):
             for q, mode in enumerate(names.modes):
                 (read_varying if isinstance(spec, Varying) else _read_map)(source, spec, q, mode, found)
-        _read_ranges(source, d, t, found)
+        _read_ranges(source, d, names.modes, t, found)
         _read_dwell(source, d.prefix, design.observer.supervision, found)
     except (LookupError, TypeError, ValueError, AttributeError) as error:  # an index out of range, a name unknown ...
         raise CertificateError(f"{source.name}: is not the C that residua prints ({type(error).__name__}: {error}). "
@@ -139,11 +139,11 @@ def _take(row: Affine, operand: str) -> Coefficient:
     return row.pop(operand, NOWHERE)
 
 
-def _read_ranges(source: Source, d, t, found: _Found) -> None:
+def _read_ranges(source: Source, d, modes: tuple[str, ...], t, found: _Found) -> None:
     """Read the input checks, the cut and the boxes to start from."""
     for check in d.checks:
         scheduled = check.vector == "theta"  # its bounds may be each mode's own
-        for q, mode in enumerate(m.name for m in d.modes) if scheduled else ((0, ""),):
+        for q, mode in enumerate(modes) if scheduled else ((0, ""),):
             machine = Machine(source, d.real, {"in->mode": q})
             machine.call(check.name)
             bounds = {(operand, op): c for operand, op, c in machine.compared}

@@ -13,7 +13,7 @@ from ..emit.maps import Linear
 from ..emit.varying import Varying
 from ..errors import CertificateError
 from .c_reader import Source
-from .symbolic import NOWHERE, Affine, Machine, number, plain
+from .symbolic import NOWHERE, Affine, Machine, plain
 
 SIDES = ("lo", "hi")
 
@@ -67,24 +67,18 @@ class _Reader:
     def operands(self) -> None:
         """Check the parameters of the step and the magnitudes of state and input."""
         v, (lo, hi) = self.v, (f"{self.v.spec.state.operand}_{s}" for s in SIDES)
-        wanted = {f"m_{j}": f"+ max(- {lo}[{j}], + {hi}[{j}])" for j in range(v.R.shape[2])}
-        wanted |= {f"a_{j}": f"+ |+ {v.inputs}[{j}]|" for j in range(v.S.shape[2])}
+        wanted = {f"m_{j}": f"max(- {lo}[{j}], + {hi}[{j}])" for j in range(v.R.shape[2])}
+        wanted |= {f"a_{j}": f"|+ {v.inputs}[{j}]|" for j in range(v.S.shape[2])}
+        for j, text in enumerate(v.theta):
+            _, mean, sum_of = text.rpartition(" * ")
+            wanted[f"th_{j}"] = f"+ {sum_of.strip('()')}" if mean else text
+            if mean and (c := self.defined.get(f"th_{j}", {}).get(wanted[f"th_{j}"])):
+                self.add("theta_weight", (j,), 0.5, c)
         for name in self.defined.keys() & wanted.keys():
             self.used.add(name)
-            if plain(self.defined[name]) != {wanted[name][2:]: Fraction(1)}:
+            once = Fraction(1, 2) if wanted[name].startswith("+ ") else Fraction(1)
+            if plain(self.defined[name]) != {wanted[name]: once}:
                 self.refuse(f"{name} is {self.text(name)}")
-        for j, text in enumerate(v.theta):
-            if (local := self.defined.get(f"th_{j}")) is None:
-                continue
-            self.used.add(f"th_{j}")
-            factor, mean, inside = text.partition(" * ")
-            operand = "+ " + inside.strip("()").replace(" + ", " + + ").replace("+ + ", "+ ") if mean else text
-            if set(plain(local)) != {operand}:
-                self.refuse(f"th_{j} is {self.text(f'th_{j}')}")
-            if mean:
-                self.add("theta_weight", (j,), float(number(factor, v.spec.names.real)), local[operand])
-            elif plain(local)[operand] != 1:
-                self.refuse(f"th_{j} is {self.text(f'th_{j}')}")
 
     def row(self, side: str, i: int) -> None:
         """Read one bound: common part, offset, state, radius."""

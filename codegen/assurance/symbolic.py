@@ -203,8 +203,10 @@ class Machine:
         """``max(a, b)`` of ``a > b ? a : b`` and ``|a|`` of ``a < 0 ? -a : a``, each an operand; None for any other."""
         if not isinstance(node.cond, c_ast.BinaryOp) or node.cond.op not in "<>":
             return None
-        left, right, true, false = (plain(self.value(n, names))
-                                    for n in (node.cond.left, node.cond.right, node.iftrue, node.iffalse))
+        parts = [self.value(n, names) for n in (node.cond.left, node.cond.right, node.iftrue, node.iffalse)]
+        if not all(isinstance(part, dict) for part in parts):
+            return None
+        left, right, true, false = map(plain, parts)
         if node.cond.op == ">" and left and right and (true, false) == (left, right):
             return operand(f"max({shown(left)}, {shown(right)})", node.coord.line)
         if node.cond.op == "<" and left and not right and (true, false) == ({k: -c for k, c in left.items()}, left):

@@ -82,9 +82,10 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
     else:
         why = f"of {tried}, {WHY.get(criterion, WHY[''])}"
     asked = f"“{criterion}” was asked for" if criterion else "none was asked for"
-    return (Fact("Method", f"{design.method}: {_family(design)}"),
+    return (Fact("Method", f"{design.method}: {_family(design)}{_varying(design, real)}"),
             Fact("Criterion", f"{asked}; {why}"),
-            Fact("Proved for", proved_switching(design.certificate[real])),
+            Fact("Proved for", proved_switching(design.certificate[real])
+                 + ("; the parameters anywhere within their bounds" if design.plant.theta else "")),
             Fact("Arithmetic", f"{real}; the proof is about the rounded constants and covers all rounding at run time"))
 
 
@@ -94,12 +95,23 @@ def _family(design) -> str:
     return text.split(":", 1)[-1].strip().rstrip(".")
 
 
+def _varying(design, real: str) -> str:
+    """What is added for parameters and unknowns."""
+    vary = design.observer.tables[real].vary
+    if vary is None:
+        return ""
+    parts = ["constants affine in the measured parameters"] * bool(vary.parameters)
+    parts += ["radii for what is only bounded"] * bool(np.any(vary.R) or np.any(vary.S))
+    parts += ["each entry of T A − L C on the bound that its sign asks for"] * design.observer.tables[real].signed
+    return f", with {words.listed(parts)}" if parts else ""
+
+
 def _choice(design) -> tuple[Table, tuple[Folded, ...]]:
     """What was tried, best first."""
     head = ("method", "design", *(f"#{f.name}" for f in design.plant.f), "#relative width", "#level")
-    rows = []
+    rows, target = [], design.plant.target.real
     for entry in design.choice:
-        faults = [words.quantity(words.at_most(x), f.unit) if x is not None else NEVER
+        faults = [words.quantity(words.at_most(x), f.unit) if x is not None else unseen(design, target, f.name)
                   for x, f in zip(entry["surely_detected"], design.plant.f)]
         label = entry["design"] + (" (chosen)" if entry["chosen"] else "")
         cells = (entry["method"], label, *faults, words.at_most(entry["relative_width"], 3),
@@ -223,7 +235,8 @@ def _detection(design, real: str) -> tuple[Table, ...]:
              "from the first sample of the fault; “at once” is that sample itself."]
     if varies(design, real):
         notes.append("Parameters and unknowns move the errors too: these thresholds bound every path of theta and every "
-                     "unknown at once, over all modes. They are safe and may be larger than need be. Of a fault that "
-                     "acts on the state none is given: smaller ones than any range may be found, but none is promised.")
+                     "unknown at once, over all modes. They are safe and may be larger than need be."
+                     + (" For a fault that acts on the state no size is given: it may be found, but nothing is promised."
+                        if any(np.any(m.Bf) for m in design.plant.modes) else ""))
     notes += ["* larger than the declared range of the fault"] * warned
     return (table("Smallest fault that is surely detected", head, rows, notes),)

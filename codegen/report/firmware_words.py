@@ -97,18 +97,38 @@ def gains(design, real: str) -> tuple[Folded, ...]:
     folds = []
     for q, mode in enumerate(plant.modes):
         tables = []
+        base = " at theta = 0" if t.vary is not None and t.vary.parameters else ""
         for side in sides:
             of = "" if t.shared else " of the upper framer" if side == "hi" else " of the lower framer"
             for name, meaning, columns in (("M", "T A − L C", x), ("G", "T B − L D", u), ("L", "gain on y", y),
                                            ("N", "gain on the next y", y)):
                 matrix = getattr(t, f"{name}_{side}")[q]
                 if np.any(matrix):
-                    tables.append(_matrix(f"{name} = {meaning}{of}", x, columns, matrix))
+                    tables.append(_matrix(f"{name} = {meaning}{of}{base if name != 'N' else ''}", x, columns, matrix))
+        tables += _varying(t.vary, q, plant, x, u, y)
         tables.append(_matrix("Offsets of the framers", x, ["d_lo", "d_hi"], np.stack([t.d_lo[q], t.d_hi[q]], axis=1)))
         tables.append(_matrix("C, and offsets of the residual", y, [*x, "c_lo", "c_hi"],
                               np.column_stack([t.C[q], t.c_lo[q], t.c_hi[q]])))
         folds.append(Folded(f"Mode {q}, “{mode.name}”", tuple(tables)))
     return tuple(folds)
+
+
+def _varying(vary, q: int, plant, x: list[str], u: list[str], y: list[str]) -> list[Table]:
+    """Slopes in the measured parameters, and the radii by which both bounds move apart."""
+    if vary is None:
+        return []
+    measured = [plant.theta[j].name for j in vary.columns]
+    tables = [_matrix(f"Slope of {name} in {theta}", x, columns, getattr(vary, name)[q][j])
+              for j, theta in enumerate(measured) for name, columns in (("M", x), ("G", u), ("L", y))
+              if np.any(getattr(vary, name)[q][j])]
+    for what, parts in (("Radii of a step: both bounds move apart by R max(−x_lo, x_hi) + S |u|"
+                         + (" + |L(theta)| E" if np.any(vary.E) else ""), (("R", x), ("S", u), ("E", y))),
+                        ("Radii of a prediction without measurement, as R and S", (("Ra", x), ("Sa", u)))):
+        found = [(name, columns, getattr(vary, name)[q]) for name, columns in parts if np.any(getattr(vary, name)[q])]
+        if found:
+            head = [f"{name}, {column}" for name, columns, _ in found for column in columns]
+            tables.append(_matrix(what, x, head, np.hstack([values for *_, values in found])))
+    return tables
 
 
 def _matrix(caption: str, rows: list[str], columns: list[str], values) -> Table:

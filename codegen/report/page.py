@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -12,9 +13,10 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
 from ..analysis.validate import Outcome
 from ..emit.render import template_root
 from ..errors import EmitError
-from . import assurance_words, firmware_words, outcome_words, plant_words, plots
+from . import assurance_words, firmware_words, outcome_words, period_words, plant_words, plots
 from .assurance_words import AssuranceWords
 from .design_words import DesignWords, words_of
+from .period_words import PeriodWords
 from .table import Fact, Folded, Link, Plot, Table
 from .verdict import Verdict, verdict
 
@@ -41,6 +43,7 @@ class ReportView:
     plant_facts: tuple[Fact, ...]
     plant_tables: tuple[Table, ...]
     design: DesignWords
+    periods: tuple[PeriodWords, ...]
     validation: tuple[Table, ...]
     scenarios: tuple[ScenarioView, ...]
     cost_facts: tuple[Fact, ...]
@@ -51,7 +54,7 @@ class ReportView:
     files: tuple[Link, ...]
 
 
-def write_report(folder, design, driver, outcomes: list[Outcome]) -> Path:
+def write_report(folder, design, driver, outcomes: list[Outcome], periods: Sequence = ()) -> Path:
     """Write ``report.html`` into the output folder; whole or not at all.
 
     Parameters
@@ -63,6 +66,8 @@ def write_report(folder, design, driver, outcomes: list[Outcome]) -> Path:
         Of ``host.build``; its ``real``, ``layout`` and ``prefix`` are shown.
     outcomes : list of Outcome
         Of ``analysis.validate``.
+    periods : sequence of PeriodPoint
+        Of ``periods.curve`` for a continuous plant.
 
     Returns
     -------
@@ -74,7 +79,7 @@ def write_report(folder, design, driver, outcomes: list[Outcome]) -> Path:
         The file cannot be written.
     """
     path = Path(folder) / "report.html"
-    text = _print(view(Path(folder), design, driver, outcomes))
+    text = _print(view(Path(folder), design, driver, outcomes, periods))
     part = path.with_name("report.html.part")
     try:
         part.write_text(text, encoding="utf-8", newline="\n")
@@ -86,7 +91,7 @@ def write_report(folder, design, driver, outcomes: list[Outcome]) -> Path:
     return path
 
 
-def view(folder: Path, design, driver, outcomes: list[Outcome]) -> ReportView:
+def view(folder: Path, design, driver, outcomes: list[Outcome], periods: Sequence = ()) -> ReportView:
     """Decide everything that the template prints; the parameters are those of ``write_report``."""
     plant, real, record = design.plant, driver.real, firmware_words.read_record(folder)
     cost_facts, cost_tables = firmware_words.cost(record)
@@ -94,7 +99,8 @@ def view(folder: Path, design, driver, outcomes: list[Outcome]) -> ReportView:
         title=f"{plant.title or plant.name}: fault-detection firmware",
         verdict=verdict(design, real, record, outcomes),
         plant_facts=plant_words.facts(plant), plant_tables=plant_words.tables(plant),
-        design=words_of(design, real), validation=(outcome_words.validation_table(outcomes),) if outcomes else (),
+        design=words_of(design, real), periods=period_words.words_of(design, real, periods),
+        validation=(outcome_words.validation_table(outcomes),) if outcomes else (),
         scenarios=tuple(_scenario(design, real, i, o) for i, o in enumerate(outcomes)),
         cost_facts=cost_facts, cost_tables=cost_tables, gains=firmware_words.gains(design, real),
         assurance=assurance_words.words_of(folder),

@@ -85,7 +85,7 @@ def between(plant: Plant) -> str:
     moving = [what for what, some in (("disturbances", plant.w), ("parameters", plant.theta)) if some]
     free = [f"{words.listed(moving)} move as they like within their bounds"
             + (" and rates" if any(np.isfinite(s.rate) for s in plant.theta) else "")] if moving else []
-    return "; ".join([*parts, "the mode changes at samples only", *free])
+    return "; ".join([*parts, *(["the mode changes at samples only"] if plant.n_modes > 1 else []), *free])
 
 
 def assumed(plant: Plant) -> tuple[str, ...]:
@@ -101,8 +101,7 @@ def assumed(plant: Plant) -> tuple[str, ...]:
                      "is not measured")
         items.append(f"The parameter {s.name} is in {where}, {speed}, and {known}.")
     if plant.kind == "continuous":
-        text = between(plant)
-        items.append(f"Between samples: {text}.")
+        items.append(f"Between samples: {between(plant)}.")
     if plant.switching.late:
         items.append("The mode told is that of the sample or of the one before; no other.")
     return tuple(items)
@@ -116,9 +115,9 @@ def not_guaranteed(plant: Plant) -> tuple[str, ...]:
         items.append(f"That a change of {names} is noticed: the observer is made to bear every one within the bounds. "
                      "Nor does anything watch these bounds: outside them nothing is guaranteed, and “assured” may stay.")
     if any(s.measured for s in plant.theta):
-        quick = " and faster than the rates given" if any(np.isfinite(s.rate) for s in plant.theta if s.measured) else ""
+        rates = plant.kind == "continuous" and any(np.isfinite(s.rate) for s in plant.theta if s.measured)
         items.append("Anything while a measured parameter is off by more than its error"
-                     f"{quick.replace(' and', ', or')}: only its bounds are checked at run time.")
+                     f"{' or moves faster than its rate' if rates else ''}: at run time only its bounds are checked.")
     if plant.kind == "continuous":
         items.append("The state bounds between samples. They hold at the samples.")
     return tuple(items)

@@ -125,15 +125,11 @@ def printed_signs(design):
 class CurrentModesN(TnlObserver):
     """(2) The index trap of (5.23): N of the mode of this sample."""
 
-    def sample(self, t, on, measured, u, y, q, out):
-        self.now = q
-        super().sample(t, on, measured, u, y, q, out)
-
-    def _arrive(self, t, measured, y):
-        p, every = np.minimum(self.guard.mode, t.M_hi.shape[0] - 1), np.arange(len(self.now))
+    def _arrive(self, t, measured, y, theta, q):
+        p, every = np.minimum(self.guard.mode, t.M_hi.shape[0] - 1), np.arange(len(q))
         mixed = replace(t, **{k + s: getattr(t, k + s)[p] for k in ("M_", "G_", "L_", "d_") for s in ("hi", "lo")},
-                        N_hi=t.N_hi[self.now], N_lo=t.N_lo[self.now])
-        corrected = propagate(mixed, every, self.lo, self.hi, self.u, self.y, y)
+                        N_hi=t.N_hi[q], N_lo=t.N_lo[q])
+        corrected = propagate(mixed, every, self.lo, self.hi, self.u, self.y, y, theta)
         blind = open_loop(t, p, self.lo, self.hi, self.u)
         fresh, full = (self.phase == FRESH)[:, None], ((self.phase == FULL) & measured)[:, None]
         return tuple(np.where(fresh, own, np.where(full, c, b))
@@ -181,9 +177,9 @@ def swapped_offsets(design):
 class CurrentU(TnlObserver):
     """(7) The TNL update with the input of this sample instead of the last one's."""
 
-    def sample(self, t, on, measured, u, y, q, out):
+    def sample(self, t, on, measured, u, y, q, theta, out):
         self.u = u
-        super().sample(t, on, measured, u, y, q, out)
+        super().sample(t, on, measured, u, y, q, theta, out)
 
 
 def wrong_u(design):
