@@ -277,4 +277,5 @@ def broken(made: Design, real: str, outcomes: list[Outcome]) -> str:
     return ""
 
 
-__all__ = ["Design", "Result", "broken", "check_assurance", "design", "generate", "period_curve", "record", "require", "run"]
+__all__ = ["Design", "Result", "broken", "check_assurance", "design", "generate", "period_curve", "record", "require",
+           "run"]

@@ -167,6 +167,8 @@ def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], No
     DesignError, CertificateError
     """
     real, within = plant.target.real, int(options.get("within", WITHIN))
+    if plant.kind == "continuous" and not can_be_sampled(plant):
+        raise DesignError(period_words(plant, name))
     if "gains" in options:
         return [fixed_gains(plant, name, options, within)]
     scale = Problem.of(plant, False).f_scale
@@ -200,6 +202,14 @@ def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], No
     raise DesignError(f"{plant.name}: T A - L C can be made nonnegative in every mode, but no gains make all modes "
                       f'decay together ("{name}", {options.get("criterion", "all criteria")}). '
                       'Declare switching.average_dwell with lyapunov = "multiple", or measure another state.')
+
+
+def can_be_sampled(plant: Plant) -> bool:
+    """Whether the plant has a discrete form at its period at all: not where it moves by more than its own size."""
+    try:
+        return bool(plant.observed.modes)
+    except DesignError:
+        return False
 
 
 def period_words(plant: Plant, name: str) -> str:

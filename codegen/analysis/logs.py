@@ -18,8 +18,8 @@ CLOCKS = ("t", "time")  # columns that are times in seconds, where no signal has
 def read_log(plant: Plant, path: Path) -> tuple[PlantTrace, bool]:
     """Read a log whose columns or channels are named after the plant's signals.
 
-    Needed are every input and output, and ``mode`` where the plant has several. Fault columns are labels.
-    Others are left alone.
+    Needed are every input, output and measured parameter, and ``mode`` where the plant has several. Fault columns
+    are labels; a parameter that the firmware does not read is only drawn. Others are left alone.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def read_log(plant: Plant, path: Path) -> tuple[PlantTrace, bool]:
     Returns
     -------
     truth : PlantTrace
-        y is NaN where a sample is missing; x, w, v are NaN throughout.
+        y is NaN where a sample is missing; x, w, v are NaN throughout, theta where the log has no column.
     labelled : bool
         The log has a column for a fault.
 
@@ -54,21 +54,27 @@ def read_log(plant: Plant, path: Path) -> tuple[PlantTrace, bool]:
     known = [(j, s) for j, s in enumerate(plant.f) if s.name in record.columns]
     for j, signal in known:
         labels[:, j] = record.numbers((signal,))[:, 0]
+    theta = np.full((record.steps, len(plant.theta)), np.nan)
+    for j, signal in enumerate(plant.theta):
+        if signal.name in record.columns:
+            theta[:, j] = record.numbers((signal,), gaps=not signal.measured)[:, 0]
     unknown = {name: np.full((record.steps, n), np.nan)
-               for name, n in (("x", plant.n_x), ("w", plant.n_w), ("v", plant.n_v), ("theta", len(plant.theta)))}
+               for name, n in (("x", plant.n_x), ("w", plant.n_w), ("v", plant.n_v))}
     q = (record.modes(tuple(m.name for m in plant.modes)) if "mode" in record.columns
          else np.zeros(record.steps, dtype=int))
-    truth = PlantTrace(u=record.numbers(plant.u), y=record.numbers(plant.y, gaps=True), q=q, f=labels, **unknown)
+    truth = PlantTrace(u=record.numbers(plant.u), y=record.numbers(plant.y, gaps=True), q=q, f=labels, theta=theta,
+                       **unknown)
     return truth, bool(known)
 
 
 def _needed(plant: Plant) -> list[str]:
-    return [*(s.name for s in (*plant.u, *plant.y)), *(["mode"] if plant.n_modes > 1 else [])]
+    measured = [s for s in plant.theta if s.measured]
+    return [*(s.name for s in (*plant.u, *plant.y, *measured)), *(["mode"] if plant.n_modes > 1 else [])]
 
 
 def _check_columns(plant: Plant, record: Record) -> None:
     """Every needed column must be there, and name one signal only."""
-    names = ["mode", *(s.name for vector in (plant.u, plant.y, plant.f) for s in vector)]
+    names = ["mode", *(s.name for vector in (plant.u, plant.y, plant.f, plant.theta) for s in vector)]
     for name in _needed(plant):
         if name not in record.columns:
             hint = f"; mode holds {', '.join(m.name for m in plant.modes)}, or indices from 0" if name == "mode" else ""
@@ -76,13 +82,13 @@ def _check_columns(plant: Plant, record: Record) -> None:
                              f"{', '.join(_needed(plant))}). Name the columns as in [signals]{hint}.")
     for name in record.columns:
         if names.count(name) > 1:
-            raise PlantError(f'{record.name}: the column "{name}" names two signals (of mode, u, y, f). Rename one in '
-                             "[signals] and in the header.")
+            raise PlantError(f'{record.name}: the column "{name}" names two signals (of mode, u, y, f, theta). Rename '
+                             "one in [signals] and in the header.")
 
 
 def _check_clock(plant: Plant, record: Record) -> None:
     """A time column, if there is one, must advance by the sample period."""
-    signals = {s.name for vector in (plant.u, plant.y, plant.f) for s in vector}
+    signals = {s.name for vector in (plant.u, plant.y, plant.f, plant.theta) for s in vector}
     clock = next((name for name in CLOCKS if name in record.columns and name not in signals), None)
     if clock is None or record.steps < 2:
         return
@@ -104,7 +110,7 @@ def _read_mdf(plant: Plant, path: Path) -> Record:
     except ImportError:
         raise ToolError(f"{path}: reading MDF needs asammdf. Install it: pip install residua[mdf], or export the log "
                         "as CSV.") from None
-    optional = [s.name for s in plant.f] + ["mode"]
+    optional = [s.name for s in (*plant.f, *plant.theta)] + ["mode"]
     try:
         with MDF(path) as mdf:
             names = [n for n in dict.fromkeys([*_needed(plant), *optional]) if n in mdf.channels_db]

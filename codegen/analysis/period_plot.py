@@ -60,7 +60,8 @@ def period_figure(points: Sequence, reach: Array, names: Sequence[str], chosen: 
         for side in (axis.xaxis, axis.yaxis):
             side.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
             side.set_minor_formatter(NullFormatter())
-        figure.legend(loc="outside upper left", ncols=min(6, len(axis.get_legend_handles_labels()[0])), handlelength=1.8, columnspacing=1.2)
+        entries = len(axis.get_legend_handles_labels()[0])
+        figure.legend(loc="outside upper left", ncols=min(6, entries), handlelength=1.8, columnspacing=1.2)
     return figure
 
 

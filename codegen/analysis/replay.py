@@ -111,7 +111,7 @@ def replay(design, driver, log_path, out_dir, progress=lambda text: None, from_r
     truth, labelled = read_log(plant, log)
     progress(f"replaying {len(truth.q)} samples")
     box = plant.limits("x") if from_range else (None, None)
-    trace = driver.run(u=truth.u, y=truth.y, q=truth.q, x0_lo=box[0], x0_hi=box[1])
+    trace = driver.run(u=truth.u, y=truth.y, q=truth.q, theta=truth.theta, x0_lo=box[0], x0_hi=box[1])
     scenario = Scenario(name=log.name, steps=len(truth.q), mode=((0, 0),), u=(), csv=log.name)
     outcome = judge(plant, scenario, truth, trace, [])
     progress("writing bounds and plot")
@@ -167,6 +167,7 @@ def _write(folder: Path, texts: dict[str, str]) -> None:
 
 def _reasons(status) -> str:
     """Count the samples that the firmware refused, by reason."""
-    words = {1: "unknown mode", 2: "input out of range", 3: "output out of range"}
+    words = {1: "unknown mode", 2: "input out of range", 3: "output out of range",
+             4: "parameter out of its bounds"}
     counts = [f"{int(np.sum(status == code))} {text}" for code, text in words.items() if np.any(status == code)]
     return f" ({', '.join(counts)})" if counts else ""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..observers import Trace
-from ..observers.supervisor import BAD_INPUT, BAD_MODE
+from ..observers.supervisor import BAD_INPUT, BAD_MODE, BAD_PARAMETER
 from ..plant.model import Plant, PlantTrace, Scenario
 from ..plant.simulate import simulate
 
@@ -89,8 +89,8 @@ def sound_samples(f: Array, trace: Trace, recover: int) -> Array:
         # The framers of sample k rest on samples k-1 and k, unless they restarted after sample k-1.
         sound = restarted or (sound and not now and not active[k - 1])
         out[k] = sound
-        # As observers.supervisor.judge counts; a refused input or mode is answered by a reset.
-        restarted = trace.status[k] in (BAD_MODE, BAD_INPUT)
+        # As observers.supervisor.judge counts; a refused input, mode or parameter is answered by a reset.
+        restarted = trace.status[k] in (BAD_MODE, BAD_INPUT, BAD_PARAMETER)
         if measured[k]:
             run, before = (run + 1 if raw[k] else 0), run
             restarted = run >= recover if raw[k] else before > 0

@@ -77,7 +77,7 @@ class ErrorModel:
         elif t.shared:
             self.M["width"] = self.M["hi"]
             grown = [self._spread(exact, q) for q in range(len(modes))]
-            self.push["width"] = [grown[q] for q in self.mode]
+            self.push["width"] = [grown[q] + 2 * self._apart(exact, q, L) for q, L in zip(self.mode, self.L["hi"])]
 
     def _join(self, exact) -> None:
         """Let every step be the union with that of any other mode: its framer may miss the state by what they differ.
@@ -91,7 +91,7 @@ class ErrorModel:
                 s, L = exact.scheduled(p, side), self.L[side][k]
                 signed = s.M.corners()[[j for j, m in enumerate(self.mode) if m == p].index(k)]
                 T, _, _ = exact.leftover(p, side)
-                apart = self._apart(exact, p)
+                apart = self._apart(exact, p, L)
                 offset = [sign * Q(x) for x in getattr(t, "d_" + side)[p]]
                 for r in exact.exact:
                     A = Affine(signed + product(L, r["C"]) - product(T, r["A"]), [-product(T, a) for a in r["A_theta"]],
@@ -108,15 +108,18 @@ class ErrorModel:
                         push += dot(unknown[0][i], exact.box) + dot(unknown[1][i], exact.u_true)
                         self.push[side][k][i] = max(self.push[side][k][i], push)
 
-    def _apart(self, exact, q: int) -> Array:
-        """Largest radius of each row: R |x| + S |u| + |L(theta)| E over the declared ranges."""
+    def _apart(self, exact, q: int, L: Array) -> Array:
+        """Largest radius of each row at a corner of theta: R |x| + S |u| + |L| E over the declared ranges.
+
+        |L(theta)| E is convex in theta, as |M(theta)| z is: together they are largest at a corner.
+        """
         s = exact.scheduled(q, "hi")
-        most = s.L.most()
-        return [dot(s.R[i], exact.box) + dot(s.S[i], exact.u_max) + dot(s.E[i], most[i]) for i in range(len(exact.box))]
+        return np.array([dot(s.R[i], exact.box) + dot(s.S[i], exact.u_max) + dot(s.E[i], abs(L[i]))
+                         for i in range(len(exact.box))], dtype=object)
 
     def _spread(self, exact, q: int) -> Array:
-        """Largest growth of the width in one sample: d_hi - d_lo, both radii, and the rounding of both sums."""
-        out = [Q(a) - Q(b) + 2 * r for a, b, r in zip(self.t.d_hi[q], self.t.d_lo[q], self._apart(exact, q))]
+        """Largest growth of the width in one sample without the radii: d_hi - d_lo, and the rounding of both sums."""
+        out = [Q(a) - Q(b) for a, b in zip(self.t.d_hi[q], self.t.d_lo[q])]
         for side, sign in (("hi", 1), ("lo", -1)):
             offsets = getattr(self.t, "d_" + side)[q]
             for i, demand in enumerate(exact.update(q, side)):
@@ -134,7 +137,7 @@ class ErrorModel:
         fall = sup(-sign * product(L, p["Dv"]), p["v_lo"], p["v_hi"])
         rise = sup(sign * product(L, p["Dv"]), p["v_lo"], p["v_hi"])
         falls = [sup(-sign * product(N, s["Dv"]), s["v_lo"], s["v_hi"]) for s in exact.exact]
-        apart = [2 * r for r in self._apart(exact, q)]
+        apart = 2 * self._apart(exact, q, L)
         rises = [sup(sign * product(N, s["Dv"]), s["v_lo"], s["v_hi"]) for s in exact.exact]
         slack, push = [], []
         for i, x in enumerate(offset):

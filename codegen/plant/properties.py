@@ -93,8 +93,8 @@ def properties(plant: Plant) -> list[ModeProperties]:
 def _corners(plant: Plant, mode: Mode):
     """Yield A and C at every corner of the parameters' box in a mode; once where there are none."""
     for corner in product(*zip(*theta_box(plant, mode))):
-        yield tuple(getattr(mode, name) + sum((value * slope for value, slope in zip(corner, mode.theta_terms[name])), 0.0)
-                    if name in mode.theta_terms else getattr(mode, name) for name in ("A", "C"))
+        yield tuple(sum((value * slope for value, slope in zip(corner, mode.theta_terms.get(name, ()))),
+                        getattr(mode, name)) for name in ("A", "C"))
 
 
 def _worst(found: list[ModeProperties]) -> ModeProperties:

@@ -234,9 +234,9 @@ def _detection(design, real: str) -> tuple[Table, ...]:
              "whatever the disturbance, the noise and the mode sequence that the certificate admits. The delay counts "
              "from the first sample of the fault; “at once” is that sample itself."]
     if varies(design, real):
-        notes.append("Parameters and unknowns move the errors too: these thresholds bound every path of theta and every "
-                     "unknown at once, over all modes. They are safe and may be larger than need be."
-                     + (" For a fault that acts on the state no size is given: it may be found, but nothing is promised."
+        notes.append("Parameters and unknowns move the errors too: these thresholds bound every path of theta and "
+                     "every unknown at once, over all modes. They are safe and may be larger than need be."
+                     + (" For a fault that acts on the state no size is given: it may be found, nothing is promised."
                         if any(np.any(m.Bf) for m in design.plant.modes) else ""))
     notes += ["* larger than the declared range of the fault"] * warned
     return (table("Smallest fault that is surely detected", head, rows, notes),)

@@ -13,7 +13,6 @@ SCHEMES = {
     "second-order": "the series of the transition over a period up to its second order",
     "euler": "the Euler step",
 }
-ANY = "any: it may jump"
 
 
 def parameter_tables(plant: Plant) -> tuple[Table, ...]:
@@ -31,15 +30,14 @@ def parameter_tables(plant: Plant) -> tuple[Table, ...]:
     for j, s in enumerate(plant.theta):
         limits = limits_of(plant, j)
         same = len(set(limits)) == 1
+        known = f"yes, to within {words.quantity(words.number(s.error), s.unit)}" if s.error else "yes"
         for (lo, hi), mode in zip(limits[:1] if same else limits, plant.modes):
-            rows.append((f"theta[{j}]", s.name, s.unit or words.NONE, words.interval(lo, hi, s.unit),
-                         "every mode" if same else mode.name, _rate(s) if np.isfinite(s.rate) else ANY,
-                         "yes" if s.measured else "no", words.quantity(words.number(s.error), s.unit) if s.measured
-                         else words.NONE))
+            rows.append((s.name, words.interval(lo, hi, s.unit), "every mode" if same else mode.name,
+                         known if s.measured else "no", _rate(s) if np.isfinite(s.rate) else "any: it may jump"))
     notes = ("A measured parameter is an input of the firmware (in->theta); a value beyond its bounds, error included, "
              "is refused. One that is not measured may be anything within its bounds, and another at every sample.",)
-    head = ("parameter", "name", "unit", "bounds", "mode", "fastest change", "measured", "#error at most")
-    return (table("Parameters of the matrices", head, rows, notes),) if rows else ()
+    return (table("Parameters of the matrices", ("theta", "bounds", "mode", "measured", "fastest change"), rows,
+                  notes),) if rows else ()
 
 
 def limits_of(plant: Plant, j: int) -> list[tuple[float, float]]:
@@ -113,7 +111,7 @@ def not_guaranteed(plant: Plant) -> tuple[str, ...]:
     if any(not s.measured for s in plant.theta):
         names = words.listed(s.name for s in plant.theta if not s.measured)
         items.append(f"That a change of {names} is noticed: the observer is made to bear every one within the bounds. "
-                     "Nor does anything watch these bounds: outside them nothing is guaranteed, and “assured” may stay.")
+                     "Nothing watches these bounds: outside them there is no guarantee, and “assured” may stay.")
     if any(s.measured for s in plant.theta):
         rates = plant.kind == "continuous" and any(np.isfinite(s.rate) for s in plant.theta if s.measured)
         items.append("Anything while a measured parameter is off by more than its error"

@@ -15,8 +15,8 @@ from .plant_words import reach
 from .plots import inline
 from .table import Cell, Plot, Row, Table, table
 
-CAPTION = ("For every period the plant is sampled and the gains are designed anew, for the smallest steady width before "
-           "rounding; such a design may see no fault. Widths below a millionth of the range are not drawn.")
+CAPTION = ("For every period the plant is sampled and the gains are designed anew, for the smallest steady width "
+           "before rounding; such a design may see no fault. Widths below a millionth of the range are not drawn.")
 
 
 @dataclass(frozen=True)
@@ -69,11 +69,12 @@ def _text(design, real: str, points: Sequence, scale) -> str:
         ratio = total(here, scale) / max(total(limit, scale), 1e-300)
         parts.append(f"At the chosen {words.seconds(period)} the narrowest bounds that this method can have are "
                      f"{percent(total(here, scale))} wide (each state in units of its range, summed): "
-                     f"{words.at_most(ratio, 3)} times as wide as at {words.seconds(limit.period)}, the shortest period "
-                     "computed, which stands for the continuous limit")
+                     f"{words.at_most(ratio, 3)} times as wide as at {words.seconds(limit.period)}, the shortest "
+                     "period computed, which stands for the continuous limit")
     found = settled_width(design, real)
     if found is not None and here is not None:
-        chosen = " and chosen for the faults that it finds" if design.plant.f and "criterion" not in design.options else ""
+        sees = bool(design.plant.f) and "criterion" not in design.options
+        chosen = " and chosen for the faults that it finds" if sees else ""
         parts.append("These widths leave rounding out. The design of this firmware, rounding included"
                      f"{chosen}, has {percent(float(np.sum(found / scale)))}")
     gone = [p.period for p in points if p.width is None and p.period > period]

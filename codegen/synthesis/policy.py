@@ -185,8 +185,9 @@ def candidates(problem: Problem, options: dict, progress: Callable[[str], None])
     """Narrowest design, and, where there is a fault to be seen, the same under caps on N."""
     reach = np.linalg.pinv(problem.C[0])
     caps = CAPS if problem.tnl and len(problem.f_scale) and options.get("criterion") != "width" else (np.inf,)
-    for share in caps:
-        progress("width, policy iteration" + (f", |N| at most {share:g} of C^-1" if np.isfinite(share) else ""))
+    for n, share in enumerate(caps, 1):
+        progress(f"width by policy iteration, {n} of {len(caps)}: "
+                 + (f"|N| at most {share:g} of C^-1" if np.isfinite(share) else "any gains"))
         cap = None if not np.isfinite(share) else np.where(np.abs(reach) > 1e-9, share * np.abs(reach), 1e6)
         solved = iterate(problem, cap)
         if solved is not None:

@@ -53,7 +53,8 @@ def obstruction(problem: Problem) -> str | None:
     if problem.split:
         return None
     gains, matrix = ("L, N", "T A - L C") if problem.tnl else ("L", "A - L C")
-    other = "" if problem.tnl else f'Try method "{"tnl-interval" if problem.x_max is None else "tnl-interval-lpv"}", or '
+    wider = "tnl-interval" if problem.x_max is None else "tnl-interval-lpv"
+    other = "" if problem.tnl else f'Try method "{wider}", or '
     for q, corner, A in _corners(problem):
         for i in range(len(A)):
             value, j = best_row(A, problem.C[q], i, problem.tnl)
@@ -66,8 +67,8 @@ def obstruction(problem: Problem) -> str | None:
         if z is not None:
             parts = " + ".join(f"{v:.3g} {s}" for v, s in zip(z, problem.states) if v > 1e-9)
             return (f'the direction z = {parts} is invisible to the outputs of mode "{problem.names[q]}"'
-                    f"{at_words(corner)} (C z = 0{', C A z = 0' if problem.tnl else ''}) and does not decay (A z >= z), "
-                    "whatever the gains. Measure one of these states.")
+                    f"{at_words(corner)} (C z = 0{', C A z = 0' if problem.tnl else ''}) and does not decay "
+                    "(A z >= z), whatever the gains. Measure one of these states.")
     return None
 
 
@@ -138,6 +139,6 @@ def slow_reason(problem: Problem, lam: float) -> str | None:
         return None
     parts = " + ".join(f"{v:.3g} {x}" for v, x in zip(z, problem.states) if v > 1e-9)
     return (f"lambda = {lam:g} asks for decay by {np.sqrt(1.0 - lam):.4g} per sample, but in mode "
-            f'"{problem.names[q]}"{at_words(corner)} the direction z = {parts} is invisible to the outputs (C z = 0, so '
-            f"(A - L C) z = A z for every L) and A z >= {s:.4g} z. Ask for lambda below {1.0 - s * s:.4g}, or measure "
+            f'"{problem.names[q]}"{at_words(corner)} the direction z = {parts} is invisible to the outputs (C z = 0, '
+            f"so (A - L C) z = A z for every L) and A z >= {s:.4g} z. Ask for lambda below {1.0 - s * s:.4g}, or measure "
             "another state.")

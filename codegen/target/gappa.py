@@ -22,6 +22,9 @@ LIMIT = 1800  # seconds
 STATED = {"rounded": r"(?m)^(\w+) r=$", "exact": r"(?m)^exact_(\w+) =$",
           "goal": r"(?m)^ +\|(\w+) - exact_\1\| <= -?0x\S+ /\\$"}
 
+#: What it takes for granted of the magnitude of a coefficient.
+TAKEN = r"(?m)^ +\|size_(\w+) - exact_size_\1\| <= (\S+) ->$"
+
 
 @dataclass(frozen=True)
 class RoundingResult:
@@ -72,6 +75,11 @@ def prove_rounding(folder: str | Path) -> RoundingResult:
     if not rounded or not rounded == exact == goals:
         raise ToolError(f"{script}: states {len(rounded)} rounded sums, {len(exact)} exact and {len(goals)} margins "
                         "(expected as many of each, for the same rows). Make the folder again with residua generate.")
+    # The magnitude of a coefficient is as far off as the coefficient: no hypothesis may say less than a goal shows.
+    for name, slip in re.findall(TAKEN, text):
+        if not re.search(rf"(?m)^ +\|(\w+)_{name} - exact_\1_{name}\| <= {re.escape(slip)} /\\$", text):
+            raise ToolError(f"{script}: takes for granted what it does not state of {name}. Make the folder again with "
+                            "residua generate.")
     version = _run(["--version"]).stdout.split()[-1]
     begin = time.monotonic()
     done = _run([str(script)])

@@ -32,10 +32,10 @@ class StandInDriver:
         return self.design.plant.target.prefix
 
     def run(self, u, y, q=None, theta=None, x0_lo=None, x0_hi=None):
-        return self.design.observer.run(u=u, y=y, q=q, real=self.real, x0_lo=x0_lo, x0_hi=x0_hi)
+        return self.design.observer.run(u=u, y=y, q=q, theta=theta, real=self.real, x0_lo=x0_lo, x0_hi=x0_hi)
 
-    def run_many(self, u, y, q):
-        return self.design.observer.run_many(u, y, q, self.real)
+    def run_many(self, u, y, q, theta=None):
+        return self.design.observer.run_many(u, y, q, self.real, theta=theta)
 
 
 def small_design(name, **changes):

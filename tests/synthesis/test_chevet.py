@@ -81,8 +81,7 @@ def best_gain(plant):
 
 def mean_width(plant, design):
     """Mean width of each state after 3 s under the signals of the paper; the run must be contained and quiet."""
-    seconds = 20 if plant.sample_period > 0.01 else 10
-    run = simulate(plant, replace(plant.scenarios[0], steps=round(seconds / plant.sample_period)))
+    run = simulate(plant, replace(plant.scenarios[0], steps=round(20 / plant.sample_period)))
     out = design.observer.run(u=run.u, y=run.y, real="float64")
     assert np.all((out.x_lo <= run.x) & (run.x <= out.x_hi)) and not out.raw_bits.any()
     return (out.x_hi - out.x_lo)[round(3 / plant.sample_period):].mean(axis=0)

@@ -1,8 +1,11 @@
 """Gappa confirms the rounding margins of every design that is kept; what is wrong it does not confirm."""
 
+import json
 import re
 import shutil
+from dataclasses import replace
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +14,23 @@ from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
 from helpers.tools import need
 
+from codegen import design as make
 from codegen.designs import read_design
 from codegen.emit import files
+from codegen.emit.gappa import rounding
+from codegen.emit.render import render
+from codegen.emit.view import build
 from codegen.errors import ToolError, ValidationError
-from codegen.observers.framer import open_loop, propagate, residuals
+from codegen.observers import FAMILIES
+from codegen.observers.framer import Variation, open_loop, propagate, residuals, scheduled
+from codegen.plant.load import gallery_names, load
 from codegen.target.gappa import prove_rounding, require_rounding
 
 GENERATED = sorted(p.parent for p in (Path(__file__).resolve().parents[2] / "generated").glob("*/design.json"))
 REALS = ("float32", "float64")
 SMALL = 30  # sums: a larger script is proved in the number type of the plant file only
+PLANTS = [n for n in gallery_names() if load(n).observed is not load(n)]  # with parameters, unknowns or a clock
+RADIUS = r"\n    [+-] [^\n]*\b(?:m|a|size)_\d[^\n]*$"
 DEFINITION = r"(?m)^{} (?:r=|=)\n((?:    .*\n)*?    .*);$"
 
 
@@ -30,6 +41,27 @@ def copy(folder, to, real=None, layout=None):
     name = f"rounding_{design.plant.target.prefix}.g"
     (made / name).write_text(files(design, real, layout, measure=False)[name], encoding="ascii")
     return made, made / name
+
+
+def script_of(design, real, layout=None):
+    """Return the script alone."""
+    view = build(design, real, layout)
+    return render("harness/rounding.g.jinja", d=view, g=rounding(design, view))
+
+
+@cache
+def varying_script(plant):
+    """Print the script of a gallery plant in its own number type."""
+    design = make(load(plant))
+    return script_of(design, design.plant.target.real)
+
+
+def put(text, to):
+    """Write what ``prove_rounding`` needs of a folder."""
+    prefix = re.search(r"rounding_(\w+)\.g", text)[1]
+    (to / "resources.json").write_text(json.dumps({"prefix": prefix}))
+    (to / f"rounding_{prefix}.g").write_text(text, encoding="ascii")
+    return to
 
 
 @pytest.mark.parametrize("real", REALS)
@@ -44,6 +76,20 @@ def test_every_kept_design_is_confirmed(folder, real, tmp_path):
     assert result.rows >= 2 * (2 * read_design(folder).plant.n_x + 1) and result.version.startswith("1")
 
 
+@pytest.mark.parametrize("plant", PLANTS)
+def test_plants_that_vary_are_confirmed(plant, tmp_path):
+    """Of a large script a few rows of each map."""
+    need("gappa")
+    text = varying_script(plant)
+    names = re.findall(r"(?m)^(\w+) r=$", text)
+    if len(names) > SMALL:
+        names = [n for m in ("residual", "forward", "blind") for n in [n for n in names if f"_{m}_" in n][::4]]
+    text = only(text, names)
+    result = prove_rounding(put(text, tmp_path))
+    assert result.proved and not result.alarms, result.alarms
+    assert result.rows >= len(names) and all(f"_{m}_" in text for m in ("residual", "forward", "blind"))
+
+
 def scaled(number, factor):
     return (float.fromhex(number) * factor).hex()
 
@@ -54,17 +100,24 @@ def shrink(text, name):
 
 def widen(text, name):
     """Widen the range of every operand of the sum."""
-    operands = set(re.findall(r"(?:in|out|s)_\w+", re.search(DEFINITION.format(name), text)[1]))
+    operands = set(re.findall(r"(?:in|out|s|m|a)_\w+", re.search(DEFINITION.format(name), text)[1]))
     return re.sub(r"(?m)^( +(\w+) in )\[(\S+), (\S+)\]",
                   lambda m: f"{m[1]}[{scaled(m[3], 1000)}, {scaled(m[4], 1000)}]" if m[2] in operands else m[0], text)
 
 
 def change(text, name):
-    """Change the last coefficient or offset of the exact sum by a thousandth."""
+    """Change the last coefficient or offset of the exact sum by a thousandth, before the radius."""
     found = re.search(DEFINITION.format(f"exact_{name}"), text)
-    last = list(re.finditer(r"0x[0-9a-f.]+p[+-]\d+", found[1]))[-1]
+    affine = re.sub(RADIUS, "", found[1])
+    last = list(re.finditer(r"0x[0-9a-f.]+p[+-]\d+", affine))[-1]
     at = found.start(1)
     return text[:at + last.start()] + scaled(last[0], 1.001) + text[at + last.end():]
+
+
+def forget(text, name):
+    """Leave the radius out of the exact sum."""
+    found = re.search(DEFINITION.format(f"exact_{name}"), text)
+    return text[:found.start(1)] + re.sub(RADIUS, "", found[1]) + text[found.end(1):]
 
 
 def rows(text):
@@ -73,9 +126,12 @@ def rows(text):
         DEFINITION.format(n), text)[1])) > 1]
 
 
-def alone(text, name):
-    """Keep one row: Gappa takes long over what fails beside much else."""
-    for other in set(re.findall(r"(?m)^(\w+) r=$", text)) - {name}:
+def only(text, names):
+    """Keep some rows, with the coefficients behind them: Gappa takes long over what fails beside much else."""
+    every = re.findall(r"(?m)^(\w+) r=$", text)
+    taken = set(re.findall(r"\bsize_(\w+)", " ".join(re.search(DEFINITION.format(n), text)[1] for n in names)))
+    text = re.sub(r"(?m)^ +# The magnitude of .*\n +size_(\w+) (?:.*\n){3}", lambda m: m[0] if m[1] in taken else "", text)
+    for other in set(every) - set(names) - {n for n in every for m in taken if n.endswith(f"_{m}")}:
         text = re.sub(DEFINITION.format(other), "", re.sub(DEFINITION.format(f"exact_{other}"), "", text))
         text = re.sub(rf"(?m)^ +\|{other} .*\n", "", text)
     return text
@@ -89,13 +145,27 @@ def test_what_is_wrong_is_not_confirmed(folder, wrong, tmp_path):
     made, script = copy(folder, tmp_path)
     text = script.read_text()
     known = rows(text)
-    name = known[[shrink, widen, change].index(wrong) * len(known) // 3]
-    text = alone(text, name)
+    refuse(made, text, known[[shrink, widen, change].index(wrong) * len(known) // 3], wrong)
+
+
+@pytest.mark.parametrize("wrong", [shrink, widen, change, forget])
+@pytest.mark.parametrize("plant", PLANTS)
+def test_what_is_wrong_where_the_plant_varies_is_not_confirmed(plant, wrong, tmp_path):
+    need("gappa")
+    text = varying_script(plant)
+    known = [n for n in rows(text) if re.search(RADIUS, re.search(DEFINITION.format(n), text)[1])]
+    refuse(put(text, tmp_path), text, known[[shrink, widen, change, forget].index(wrong) * len(known) // 4], wrong)
+
+
+def refuse(folder, text, name, wrong):
+    """One row is confirmed, and with a mistake it is not."""
+    script = next(folder.glob("rounding_*.g"))
+    text = only(text, [name])
     script.write_text(text)
-    assert prove_rounding(made).proved
+    assert prove_rounding(folder).proved
     script.write_text(wrong(text, name))
     assert script.read_text() != text
-    result = prove_rounding(made)
+    result = prove_rounding(folder)
     assert not result.proved and any(name in alarm for alarm in result.alarms), result.alarms
     with pytest.raises(ValidationError, match="margins are not all proved"):
         require_rounding(result)

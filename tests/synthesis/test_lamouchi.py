@@ -1,0 +1,120 @@
+"""The published example of Lamouchi (2016), and what of it does not hold.
+
+* The printed coordinates are wrong: R (A0 - L C) S has an entry -0.5, and no R can exist for the printed L, whose
+  A0 - L C has the eigenvalues 0 and -0.5: the largest eigenvalue in size of a nonnegative matrix is not negative.
+* The printed L = [0.3; 0.6] itself is what policy iteration finds, without coordinates.
+* The widths of the dossier for the scheme by signs with tight products, (0.83, 0.54) after the fault and (0.33, 0.28) of the
+  detector, are reached: (0.80, 0.52) and (0.31, 0.27). Parameters that are moved to their middle and counted with one
+  sign per parameter are never wider than a product by entries.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from codegen.plant.load import load
+from codegen.plant.simulate import simulate
+from codegen.select import choose
+from codegen.synthesis.policy import iterate
+from codegen.synthesis.problem import Problem
+
+PLANT, DETECTOR = load("lamouchi"), load("lamouchi_detector")
+A0, C = np.array([[0.3, -0.7], [0.6, -0.5]]), np.array([[1.0, 0.0]])
+L = np.array([[0.3], [0.6]])
+S = np.array([[0.609, 0.814], [-1.162, 0.581]])
+
+
+@pytest.fixture(scope="module")
+def design():
+    return choose(PLANT, PLANT.method, PLANT.options, lambda text: None)
+
+
+@pytest.fixture(scope="module")
+def detector():
+    return choose(DETECTOR, DETECTOR.method, DETECTOR.options, lambda text: None)
+
+
+def test_printed_coordinates_are_not_valid():
+    E = np.linalg.inv(S) @ (A0 - L @ C) @ S
+    assert np.allclose(E, [[0, 0], [1.0, -0.5]], atol=3e-3)
+    assert E.min() < -0.49
+
+
+def test_no_coordinates_exist_for_the_printed_gain():
+    """Perron: the spectral radius of a nonnegative matrix is one of its eigenvalues."""
+    eigenvalues = np.linalg.eigvals(A0 - L @ C)
+    assert sorted(eigenvalues.real) == pytest.approx([-0.5, 0.0])
+    assert max(eigenvalues.real) < max(abs(eigenvalues)) - 0.4
+
+
+def test_no_gain_makes_the_printed_observer_positive():
+    """Column 2 of A0 - L C is that of A0 for every L, and negative."""
+    assert np.all(A0[:, 1] < 0) and C[0, 1] == 0
+
+
+def test_printed_gain_is_the_best_without_coordinates():
+    """The plant with its parameters at zero: M = A0 - L C with column 1 zero is what no other gain beats."""
+    certain = replace(PLANT, modes=(replace(PLANT.modes[0], A=A0, theta_terms={}),))
+    found = iterate(Problem.of(certain, tnl=False, split=True))
+    assert np.allclose(found["L"][0], L, atol=1e-6)
+    size = np.abs(A0 - L @ C)
+    width = np.linalg.solve(np.eye(2) - size, 0.12 + 2 * np.abs(L[:, 0]) * 0.01)
+    assert found["width"] == pytest.approx(width, rel=1e-4)
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        other = L + rng.normal(0, 0.2, (2, 1))
+        radius = np.abs(A0 - other @ C)
+        if max(abs(np.linalg.eigvals(radius))) < 1:
+            assert np.all(np.linalg.solve(np.eye(2) - radius, 0.12 + 2 * np.abs(other[:, 0]) * 0.01) >= width - 1e-9)
+
+
+def test_design_has_the_printed_gain(design):
+    """With eta at its middle 0.05 the entry (2, 1) of A is 0.61."""
+    assert np.allclose(design.observer.tables["float64"].L_hi[0], [[0.3], [0.61]], atol=1e-6)
+    assert design.observer.tables["float64"].signed
+
+
+def mean_width(design, scenario, after, seed=0):
+    """Mean width from a sample on; the run must be contained and quiet."""
+    run = simulate(design.plant, scenario, seed=seed)
+    for real in ("float32", "float64"):
+        out = design.observer.run(u=run.u, y=run.y, real=real)
+        assert np.all((out.x_lo <= run.x) & (run.x <= out.x_hi)) and not out.raw_bits.any()
+    return (out.x_hi - out.x_lo)[after:].mean(axis=0)
+
+
+def test_width_after_the_component_fault(design):
+    width = mean_width(design, "component fault", 200)
+    assert np.all(width <= [0.83, 0.54])
+    assert width == pytest.approx([0.80, 0.52], abs=0.02)
+
+
+def test_stays_right_through_the_worst_component_faults(design):
+    for seed in range(4):
+        mean_width(design, "corner", 20, seed)
+
+
+# -- the detector copy -----------------------------------------------------------------------------
+def test_detector_is_narrow_and_quiet(detector):
+    assert np.all(mean_width(detector, "no fault", 20) <= [0.33, 0.28])
+    mean_width(detector, "corner", 20)
+
+
+@pytest.mark.parametrize(("rho", "flagged"), [((0.9, -0.9), 14), ((-0.99, 0.99), 1)])
+def test_detector_sees_the_component_fault(detector, rho, flagged):
+    """Fed with the plant of the robust copy after the fault: no alarm before it, single samples after it.
+
+    The dossier counts 14 of 200 samples for (0.9, -0.9) and 1 for (-0.99, 0.99) on its own draws of the disturbance, so the
+    count is compared as an average over ten draws, to a factor of three.
+    """
+    one, two = rho
+    theta = ("0.05 + 0.01*sin(k)", f"where(k < 200, 0, {one}*(0.05 + 0.01*sin(k)))", f"where(k < 200, 0, {one})",
+             f"where(k < 200, 0, {two}*(0.05 + 0.01*sin(k)))")
+    counts = []
+    for seed in range(10):
+        run = simulate(PLANT, replace(PLANT.scenarios[0], theta=theta), seed=seed)
+        raw = detector.observer.run(u=run.u, y=run.y, real="float64").raw_bits != 0
+        assert not raw[:200].any()
+        counts.append(int(raw.sum()))
+    assert flagged / 3 <= np.mean(counts) <= 3 * flagged
