@@ -12,7 +12,7 @@ import numpy as np
 
 from .errors import DesignError
 from .plant.model import Plant
-from .synthesis.policy import iterate
+from .synthesis.policy import capped, iterate
 from .synthesis.problem import Problem
 
 Array = np.ndarray
@@ -28,7 +28,7 @@ class PeriodPoint:
     width: Array | None
 
 
-def width_at(plant: Plant, period: float, tnl: bool, split: bool) -> Array | None:
+def width_at(plant: Plant, period: float, tnl: bool, split: bool, share: float = np.inf) -> Array | None:
     """Smallest steady guaranteed width at a sampling period, None where there is none.
 
     Parameters
@@ -39,21 +39,25 @@ def width_at(plant: Plant, period: float, tnl: bool, split: bool) -> Array | Non
         Seconds.
     tnl, split : bool
         As in ``synthesis.problem.Problem``.
+    share : float
+        Cap on N, see ``synthesis.policy.capped``: without one the narrowest bounds may see no fault.
 
     Returns
     -------
     ndarray (n_x,) or None
     """
     try:
-        solved = iterate(Problem.of(replace(plant, sample_period=period), tnl, split))
+        problem = Problem.of(replace(plant, sample_period=period), tnl, split)
+        solved = iterate(problem, capped(problem, share))
     except DesignError:
         return None
     return None if solved is None else solved["width"]
 
 
-def curve(plant: Plant, tnl: bool, split: bool, factors=FACTORS) -> list[PeriodPoint]:
+def curve(plant: Plant, tnl: bool, split: bool, factors=FACTORS, share: float = np.inf) -> list[PeriodPoint]:
     """Widths over a range of sampling periods around the plant file's; arguments as ``width_at``."""
-    return [PeriodPoint(plant.sample_period * f, width_at(plant, plant.sample_period * f, tnl, split)) for f in factors]
+    return [PeriodPoint(plant.sample_period * f, width_at(plant, plant.sample_period * f, tnl, split, share))
+            for f in factors]
 
 
 def longest(plant: Plant, tnl: bool, split: bool, halvings: int = 16, steps: int = 5) -> float | None:

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from .analysis.validate import Outcome, validate
 from .designs import Design, read_checked
 from .errors import EmitError, ValidationError
@@ -16,6 +18,7 @@ from .plant.load import load
 from .plant.model import Plant
 from .select import choose
 from .synthesis import METHODS
+from .synthesis.policy import share_of
 
 Progress = Callable[[str], None]
 
@@ -122,6 +125,8 @@ def run(plant, out=None, method: str | None = None, real: str | None = None, lay
 def period_curve(made: Design, progress: Progress = silent) -> list[PeriodPoint]:
     """Guaranteed width against sampling period, for the method of a design; empty for a discrete plant.
 
+    Gains N, relative to what reproduces the measurement, are no larger than the design's: it sees faults as well.
+
     Parameters
     ----------
     made : Design
@@ -133,11 +138,12 @@ def period_curve(made: Design, progress: Progress = silent) -> list[PeriodPoint]
     """
     if made.plant.kind != "continuous":
         return []
-    method = METHODS[made.method]
+    method, tables = METHODS[made.method], made.observer.tables[made.plant.target.real]
+    share = share_of(made.plant.modes[0].C, tables.N_hi.astype(float)) if method.tnl else np.inf
     points = []
     for n, factor in enumerate(FACTORS, 1):
         progress(f"sampling periods, {n} of {len(FACTORS)}: {made.plant.sample_period * factor:.3g} s")
-        points += curve(made.plant, method.tnl, getattr(method.module, "SPLIT", False), (factor,))
+        points += curve(made.plant, method.tnl, getattr(method.module, "SPLIT", False), (factor,), share)
     return points
 
 

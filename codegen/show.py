@@ -67,9 +67,11 @@ def _parameters(p: Plant) -> Table:
     """List what is known of each parameter: bounds per mode where they differ, rate, measurement."""
     rows = table("\nparameters", "theta", "bounds", "rate per s", "measured", "error")
     for j, s in enumerate(p.theta):
-        own = [(m.name, m.theta_bounds[0][j], m.theta_bounds[1][j]) for m in p.modes if m.theta_bounds is not None]
-        bounds = [f"{name}: {number(lo)} to {number(hi)}" for name, lo, hi in own if (lo, hi) != (s.lo, s.hi)]
-        rows.add_row(s.name, "; ".join(bounds) or f"{number(s.lo)} to {number(s.hi)}",
+        limits = [(s.lo, s.hi) if m.theta_bounds is None else (m.theta_bounds[0][j], m.theta_bounds[1][j])
+                  for m in p.modes]
+        spans = [f"{number(lo)} to {number(hi)}" for lo, hi in limits]
+        rows.add_row(s.name, spans[0] if len(set(limits)) == 1 else
+                     "; ".join(f"{m.name}: {span}" for m, span in zip(p.modes, spans)),
                      number(s.rate) if np.isfinite(s.rate) else "any", "yes" if s.measured else "no",
                      number(s.error) if s.measured else "-")
     return rows

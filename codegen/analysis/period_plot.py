@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from .panels import ALARM, ASSURED, EDGE, FAULT, IDLE, MODE
 from .plots import WIDTH
-from .svg import style
+from .svg import stretches, style
 
 Array = np.ndarray
 LINES = ((EDGE, "o"), (ALARM, "s"), (ASSURED, "^"), (MODE, "D"), ("#CC79A7", "v"), (FAULT, "P"))
@@ -48,9 +48,9 @@ def period_figure(points: Sequence, reach: Array, names: Sequence[str], chosen: 
             if np.isfinite(shares[:, j]).any():
                 colour, marker = LINES[j % len(LINES)]
                 axis.plot(periods, shares[:, j], color=colour, marker=marker, markersize=3.5, linewidth=1.2, label=name)
-        for i, point in enumerate(points):
-            if point.width is None:
-                axis.axvspan(*_around(periods, i), facecolor=IDLE, alpha=0.45, linewidth=0)
+        for start, stop in stretches(np.array([p.width is None for p in points])):
+            axis.axvspan(_between(periods, start), _between(periods, stop), facecolor=IDLE, alpha=0.45, linewidth=0)
+        axis.set_ylim(*_decades(shares))
         axis.axvline(chosen * factor, color="#000000", linewidth=1.0, linestyle="--", label="chosen period")
         if np.nanmax(shares, initial=0.0) > 100:
             axis.axhline(100, color="#000000", linewidth=0.8, linestyle=":", label="the whole range")
@@ -65,7 +65,15 @@ def period_figure(points: Sequence, reach: Array, names: Sequence[str], chosen: 
     return figure
 
 
-def _around(periods: Array, i: int) -> tuple[float, float]:
-    """The stretch of the axis that is nearest to a point."""
+def _between(periods: Array, i: int) -> float:
+    """Where a point begins on the axis: half way from the one before."""
     step = np.sqrt(periods[1] / periods[0]) if len(periods) > 1 else 1.2
-    return periods[i] / step, periods[i] * step
+    return periods[i] / step if i < len(periods) else periods[-1] * step
+
+
+def _decades(shares: Array) -> tuple[float, float]:
+    """Limits that hold all values and at least two powers of ten, so that they can be read."""
+    known = shares[np.isfinite(shares)]
+    least, most = (known.min(), known.max()) if len(known) else (1.0, 1.0)
+    lo, hi = np.floor(np.log10(least / 1.1)), np.ceil(np.log10(most * 1.1))
+    return float(10.0 ** lo), float(10.0 ** hi)

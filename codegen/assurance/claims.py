@@ -85,8 +85,8 @@ def claims(design, real: str) -> list[Claim]:
             raise CertificateError(f"assurance: no condition is known for the claim {sentence!r} (expected one that "
                                    f"begins with {begins!r}). Add it to codegen/assurance/claims.py.")
         out.append(_held(make(sentence)))
-    return [*out, _held(_ranges(design, t)), *map(_held, _parameters(t, modes)), *map(_held, _monitor(design, cert)), *_detection(design, t, cert, real),
-            *_of_the_c()]
+    others = [_ranges(design, t), *_parameters(t, modes), *_monitor(design, cert)]
+    return [*out, *map(_held, others), *_detection(design, t, cert, real), *_of_the_c()]
 
 
 def _held(claim: Claim) -> Claim:
@@ -125,9 +125,10 @@ def _of_certificate(design, t, cert, modes):
     yield "x_lo <= x <= x_hi", claim(
         "containment", "Each offset reaches beyond the worst disturbance, noise and rounding, so no step loses the "
         "state." + (" What the parameters do that nobody measures is covered by the radii." if varying else ""),
-        ("R >= |T A_unc| summed over the unknowns + |T| A_rad, S alike of B, E >= |Dv v| around its middle where L depends "
-         "on theta, each up to what the offset takes; for every theta in its box: " if varying else "") + "d_hi >= max[T Bw w - L Dv v - N Dv v+ + (T A - L C - M) x + (T B - L D - G) u] + rounding of "
-        "inputs and sums; mirrored for d_lo; a and c alike for x+ = A x + B u + Bw w and y = C x + D u + Dv v",
+        ("sum |T A_unc| + |T| A_rad <= R up to what the offset takes, S alike of B, |Dv (v - middle)| <= E where L "
+         "depends on theta; for every theta in its box: " if varying else "")
+        + "d_hi >= max[T Bw w - L Dv v - N Dv v+ + (T A - L C - M) x + (T B - L D - G) u] + rounding of inputs "
+        "and sums; mirrored for d_lo; a and c alike for x+ = A x + B u + Bw w and y = C x + D u + Dv v",
         family, containment.Containment, margins.contained(modes, t),
         constants=("M", "G", "L", "N", "d", "A", "B", "a", "C", "D", "c", *("Ra", "Sa") * bool(varying)),
         checks=(*EXACT, "rounding", "validation", "target"))
@@ -157,9 +158,9 @@ def _of_certificate(design, t, cert, modes):
             margins.box(modes, t, cert))
     if design.plant.kind == "continuous":
         yield "between samples, ", claim(
-            "sampling", "The tables are proved for a discrete plant with bounded unknowns that encloses the continuous one "
-            "over every sampling period.", "x(h) = Phi x + integral of Phi Bw w; Phi in A + sum theta_j A_theta_j + "
-            "sum s_l A_unc_l + [-A_rad, A_rad], |s_l| <= 1 (Peano and Baker, order by order, with the tail)",
+            "sampling", "The tables are proved for a discrete plant with bounded unknowns that encloses the continuous "
+            "one over every sampling period.", "x(h) = Phi x + integral of Phi Bw w; Phi in A + sum theta_j A_theta_j "
+            "+ sum s_l A_unc_l + [-A_rad, A_rad], |s_l| <= 1 (Peano and Baker, order by order, with the tail)",
             "own derivation: the discrete plant of a continuous one at its sampling period",
             "codegen.plant.sampling.sampled", (), constants=(*GAINS, "A", "B", "a", "Ra", "Sa"),
             checks=(*EXACT, "validation"))

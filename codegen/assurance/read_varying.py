@@ -61,8 +61,8 @@ class _Reader:
 
     def refuse(self, what: str):
         """Say what is not as the tables know it."""
-        raise CertificateError(f"{self.source.name}: {self.v.spec.name} in mode {self.mode!r}: {what}, which the tables do "
-                               "not know. Print it again.")
+        raise CertificateError(f"{self.source.name}: {self.v.spec.name} in mode {self.mode!r}: {what}, which the "
+                               "tables do not know. Print it again.")
 
     def operands(self) -> None:
         """Check the parameters of the step and the magnitudes of state and input."""
@@ -120,7 +120,7 @@ class _Reader:
         self.empty(apart, f"apart_{i}")
 
     def part(self, row: Affine, name: str, sign: int, times: str = "") -> Affine:
-        """Take a local (times an operand) out of a sum; return the sum that it stands for, empty where there is none."""
+        """Take a local (times an operand) out of a sum; return the sum that it stands for, empty without one."""
         if name not in self.defined:
             return {}
         self.used.add(name)

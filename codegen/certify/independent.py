@@ -1,7 +1,8 @@
 """Independent checker of a design: ``python independent.py DIR``, standard library only, nothing of residua imported.
 
 From the plant text, the tables and every literal of the C it proves again, in exact fractions, what the certificate
-claims, or names the first condition that fails (status 1). For M, G, L, N, d of a mode and T = I - N C it asks that
+claims, or names the first condition that fails (status 1). Designs with parameters, unknowns or a continuous plant are
+handed over to ``independent_lpv.py``. For M, G, L, N, d of a mode and T = I - N C it asks that
 
     (T A - L C - M) x + (T B - L D - G) u + T Bw w - L Dv v - N Dv v+  +  rounding of inputs and sums  <=  d_hi
 
@@ -37,8 +38,7 @@ def number(entry, names):
         a, b = walk(node.left), walk(node.right)
         return {ast.Add: lambda: a + b, ast.Sub: lambda: a - b, ast.Mult: lambda: a * b, ast.Div: lambda: a / b,
                 ast.Pow: lambda: a ** int(b)}[type(node.op)]()
-    value = walk(ast.parse(entry, mode="eval").body) if isinstance(entry, str) else entry
-    return F(float(value))
+    return F(float(walk(ast.parse(entry, mode="eval").body) if isinstance(entry, str) else entry))
 
 
 def read_plant(text):
@@ -54,11 +54,10 @@ def read_plant(text):
             rows = given.get(key, p.get("common", {}).get(key, [[0] * count[c]] * count[r]))
             mode[key] = [[number(e, names) for e in row] for row in rows]
         for k in "wv":
-            bounds = [given.get("bounds", {}).get(s["name"], s["bounds"]) for s in p["signals"].get(k, [])]
-            mode[k] = [(F(float(a)), F(float(b))) for a, b in bounds]
+            mode[k] = [tuple(F(float(b)) for b in given.get("bounds", {}).get(s["name"], s["bounds"]))
+                       for s in p["signals"].get(k, [])]
         modes.append(mode)
-    box = list(zip(p["initial"]["x_lo"], p["initial"]["x_hi"]))
-    return modes, [s["range"] for s in p["signals"]["x"]], box
+    return modes, [s["range"] for s in p["signals"]["x"]], list(zip(p["initial"]["x_lo"], p["initial"]["x_hi"]))
 
 
 def exact(value):
@@ -189,8 +188,7 @@ def check_lyapunov(modes, t, cert, theta2):
         P = exact(cert["P_" + side])
         demand(min(min(p) for p in P) >= 1 and 0 < lam < 1, "P >= I, 0 < lambda < 1")
         demand(all(a <= rho * b for p in P for r in P for a, b in zip(p, r)), "jump factor")
-        for q in range(len(modes)):
-            M, L, N = (exact(t[k + side][q]) for k in ("M_", "L_", "N_"))
+        for q, (M, L, N) in enumerate(zip(*(exact(t[k + side]) for k in ("M_", "L_", "N_")))):
             H = [[F(i == j) for j in range(n)] + L[i] + (N[i] if any(map(any, N)) else []) for i in range(n)]
             k = len(H[0])
             top = [[(1 - lam) * P[q][i] * (i == j) for j in range(n)] + [F(0)] * k
@@ -219,9 +217,9 @@ def root(base, power, degree):
 
 def check_source(text, t):
     """Every real literal of the C is a number of the tables; every gain and offset of the tables is in the C."""
-    kind = ("f", "F") if t["real"] == "float32" else ("d", "")
-    found = re.findall(r"(?<![\w.])(\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+)" + kind[1] + r"\b", text)
-    found = {F(struct.unpack(kind[0], struct.pack(kind[0], float(m)))[0]) for m in found}
+    kind, end = ("f", "F") if t["real"] == "float32" else ("d", "")
+    found = re.findall(r"(?<![\w.])(\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+)" + end + r"\b", text)
+    found = {F(struct.unpack(kind, struct.pack(kind, float(m)))[0]) for m in found}
 
     def flat(value):
         return set().union(*map(flat, value)) if isinstance(value, list) else {abs(F(value))}
@@ -234,9 +232,11 @@ def check_source(text, t):
 
 
 def main(folder):
-    """Check a folder; return the number type whose C was read."""
-    design = json.loads((folder / "design.json").read_text())
-    record = json.loads((folder / "resources.json").read_text())
+    """Check a folder."""
+    design, record = (json.loads((folder / f"{name}.json").read_text()) for name in ("design", "resources"))
+    if any("vary" in t for t in design["tables"].values()):
+        sys.path.append(str(Path(__file__).parent))
+        sys.exit(__import__("independent_lpv").main(folder, design, record))  # stands beside this file
     modes, ranges, box0 = read_plant(design["plant"]["toml"])
     for real, t in design["tables"].items():
         check_claims(modes, t, design["certificate"][real], *check_tables(modes, t, ranges, box0))

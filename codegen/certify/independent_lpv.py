@@ -1,206 +1,206 @@
 """Independent checker of designs with parameters, unknowns or a continuous plant; ``independent.py`` hands over to it.
 
-Standard library only, nothing of residua imported. In exact fractions, from the plant text, the tables and the C. With
-z = [x; u], the measured p (theta less its middle; of a sampled plant the mean of both ends or the one at the start) and
-everything unknown in D, a step is z+ = Phi z + W. Discrete: Phi = A + sum p_j A_j + D. Continuous, F = [A, B]:
-
-    Phi = sum_k h^k/k! (words of k factors, each Fc, p_j F_j or D)    words without D: a polynomial of p, degree 0, 1, 2
-                                                                      exact, the rest by magnitude
-                                                                      D alone: its mean over the period
-                                                                      longer words with D, and k > ORDER: by magnitude
-    W = int Phi Bw w ds                                               mean of w, swing about it, parameters, moving u
-
-Each entry of T Phi - L(p) C - M(p) and T Phi - L(p) D - G(p) is bounded over the box of p; what is beyond the radii R, S
-times the range must fit into the offsets together with W, noise and rounding. Errors are followed at the corners of p.
+Standard library only, nothing of residua imported. With the enclosed step z+ = Phi(p) z + W of ``independent_step`` and
+T = I - N C, every entry of T Phi(p) - [M, G](theta) - L(theta) [C, D] is bounded over the box of theta; what of it is
+beyond the radii R, S must fit, times the ranges, into the offsets, together with T W, noise and rounding. Errors and
+widths are followed at the corners of theta; where the mode may be told late, with the steps of every other mode too.
 """
 
-import ast
-import json
 import sys
-import tomllib
 from fractions import Fraction as F  # noqa: N817 - on every line
 from itertools import product
-from math import ceil, factorial
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
-from independent import (  # noqa: E402 - stands beside this file
-    SIDES, UNIT, check_claims, check_source, demand, exact, mul, rounding, size, sub, sup)
-
-ORDER = 16
-FINE = F(1, 2**256)
+import independent as plain  # noqa: E402 - stands beside this file
+from independent import SIDES, UNIT, demand, exact, mul, rounding, size, sub, sup  # noqa: E402
+from independent_step import add, left_over, mag, read_plant, times, transition  # noqa: E402
 
 
-def entry(text, names, thetas):
-    """Constant and slopes of a matrix entry, each rounded once to float64."""
-    def walk(node):
-        if isinstance(node, ast.Constant):
-            return {"": F(str(node.value))}
-        if isinstance(node, ast.Name):
-            return {"": names[node.id]} if node.id in names else {node.id: F(1)}
-        if isinstance(node, ast.UnaryOp):
-            return {k: -v if isinstance(node.op, ast.USub) else v for k, v in walk(node.operand).items()}
-        a, b = walk(node.left), walk(node.right)
-        if isinstance(node.op, ast.Add | ast.Sub):
-            sign = 1 if isinstance(node.op, ast.Add) else -1
-            return {k: a.get(k, 0) + sign * b.get(k, 0) for k in {**a, **b}}
-        a, b = (b, a) if isinstance(node.op, ast.Mult) and set(b) - {""} else (a, b)
-        demand(set(b) <= {""}, f"entry {text} is not affine")
-        if isinstance(node.op, ast.Pow):
-            return {"": a[""] ** int(b[""])}
-        return {k: v * b[""] if isinstance(node.op, ast.Mult) else v / b[""] for k, v in a.items()}
-    found = walk(ast.parse(text, mode="eval").body) if isinstance(text, str) else {"": F(text)}
-    return [F(float(found.get(k, 0))) for k in ("", *thetas)]
+class Mode:
+    """Exact tables of one mode: "MGL" as [base, slopes ...], N, radii; ranges and slips of the caller's rounding."""
+
+    def __init__(self, p, t, q, z, both):
+        v, self.t, self.q, self.p, self.z, self.real = t["vary"], t, q, p, z, t["real"]
+        u, tiny = UNIT[self.real]
+        for k in "MGL":
+            setattr(self, k, [exact(t[f"{k}_hi"][q]), *exact(v[k][q])])
+            demand(t[f"{k}_hi"][q] == t[f"{k}_lo"][q] and t["N_hi"][q] == t["N_lo"][q], "equal gains of both framers")
+        self.N, self.R, self.S, self.E = exact(t["N_hi"][q]), *(exact(v[k][q]) for k in "RSE")
+        self.box = [(F(a), F(b)) for a, b in zip(v["theta_lo"][q], v["theta_hi"][q])]
+        for (lo, hi), c, k in zip(self.box, z["middle"], z["K"]):
+            room = 2 * (u * max(abs(c - k), abs(c + k)) + tiny)
+            demand(c - k - room <= lo <= c - k and c + k <= hi <= c + k + room, f"theta box of mode {p['name']}")
+        self.reach = [max(abs(a), abs(b)) for a, b in self.box]
+        self.drift = [(3 if both else 1) * (u * r + tiny) for r in self.reach]  # of p: the caller's rounding, the mean
+        n = len(t["box"])
+        self.T = sub([[F(i == j) for j in range(n)] for i in range(n)], mul(self.N, p["C"]))
+        demand(not any(map(any, mul(self.N, p["D"]))), "N D is not zero")
+        self.x = exact(t["box"])
+        self.u, self.y = ([max(abs(F(a)), abs(F(b))) for a, b in zip(t[k + "_lo"], t[k + "_hi"])] for k in "uy")
+        self.u_slip, self.y_slip = ([u * b + tiny for b in m] for m in (self.u, self.y))
+        self.u_true = [a + b for a, b in zip(self.u, self.u_slip)]
+        half, self.mid = [(b - a) / 2 for a, b in p["v"]], [(a + b) / 2 for a, b in p["v"]]
+        self.half = [size(row, half) for row in p["Dv"]]
+
+    def corners(self, k):
+        """A table at every corner of theta."""
+        base, *slopes = getattr(self, k) if k != "N" else [self.N, *[times(0, self.N)] * len(self.box)]
+        return [add(base, *map(times, at, slopes)) for at in product(*self.box)]
+
+    def most(self, k):
+        """Largest magnitude of every entry: at a corner."""
+        return [[max(map(abs, e)) for e in zip(*rows)] for rows in zip(*map(mag, self.corners(k)))]
+
+    def slip(self, k):
+        """Rounding error of every computed coefficient."""
+        base, *slopes = getattr(self, k)
+        return [[rounding([(e, F(1)), *((s[i][j], r) for s, r in zip(slopes, self.reach))], self.real)[0]
+                 if any(s[i][j] for s in slopes) else F(0) for j, e in enumerate(row)] for i, row in enumerate(base)]
+
+    def noise(self, i, s):
+        """Largest -s L(theta) Dv v that E |L(theta)| does not cover at run time."""
+        base, *slopes = self.L
+        if not any(any(slope[i]) for slope in slopes) and not any(self.E[i]):
+            return sup(mul([base[i]], self.p["Dv"])[0], self.p["v"], -s)
+        shift = [size_of(row, self.mid) for row in self.p["Dv"]]
+        return max(-s * size_of(L[i], shift) for L in self.corners("L")) + sum(
+            (m * max(h - e, 0) for m, h, e in zip(self.most("L")[i], self.half, self.E[i])), F(0))
+
+    def left(self, z):
+        """|T Phi - L C - M|, |T Phi - L D - G| over the box of theta, for the step z."""
+        target = [add([m + g for m, g in zip(M, G)], mul(L, self.p["CD"])) for M, G, L in zip(self.M, self.G, self.L)]
+        return split(left_over(self.T, z, target, self.box, self.drift), len(self.x))
+
+    def rows(self, s, later, left):
+        """Per state: demand on the offset, terms of the sum before and after it, rounding of inputs and coefficients.
+
+        Last, what of this rounding drives both framers apart.
+        """
+        most, slip, W = {k: self.most(k) for k in "MGL"}, {k: self.slip(k) for k in "MGL"}, self.z["W"](self.T, s)
+        for i in range(len(self.x)):
+            def terms(k, bounds, i=i):
+                c = [a + b for a, b in zip(most[k][i], slip[k][i])] if len(self.M) > 1 else getattr(self, k)[0][i]
+                return list(zip(c, bounds))
+            radius = [*zip(self.R[i], self.x), *zip(self.S[i], self.u),
+                      *((e, a + b) for e, a, b in zip(self.E[i], most["L"][i], slip["L"][i]))]
+            error, spread = rounding(radius, self.real)
+            error += size(slip["M"][i], self.x) + size(slip["L"][i], self.E[i])
+            slips = error + size(slip["G"][i], self.u) + size(slip["L"][i], self.y) + size(self.S[i], self.u_slip)
+            slips += size(most["G"][i], self.u_slip) + size(most["L"][i] + self.N[i], self.y_slip * 2)
+            need = W[i] + self.noise(i, s) + later[i] + slips
+            need += beyond(left[0][i], self.R[i], self.x) + beyond(left[1][i], self.S[i], self.u_true)
+            yield need, [*terms("G", self.u), *terms("L", self.y), *zip(self.N[i], self.y)], [
+                *terms("M", self.x), (F(1), spread)], slips, error
 
 
-def read_plant(text):
-    """The plant: modes with [A, B] and its slopes, output, bounds, box of every theta."""
-    p = tomllib.loads(text)
-    names = {k: F(repr(float(v))) for k, v in p.get("constants", {}).items()}
-    signals = {k: p["signals"].get(k, []) for k in ("x", "u", "y", "w", "v", "theta")}
-    thetas, modes = [s["name"] for s in signals["theta"]], []
-    for given in p.get("mode", [{"name": "only"}]):
-        def matrix(key, r, c, given=given):
-            rows = given.get(key, p.get("common", {}).get(key, [[0] * len(signals[c])] * len(signals[r])))
-            parts = [[entry(e, names, thetas) for e in row] for row in rows]
-            return [[[e[k] for e in row] for row in parts] for k in range(1 + len(thetas))]
-
-        def join(left, right):
-            return [[a + b for a, b in zip(*rows)] for rows in zip(left, right)]
-        mode = {"name": given["name"], "F": join(matrix("A", "x", "x"), matrix("B", "x", "u"))}
-        for key, r, c in (("C", "y", "x"), ("D", "y", "u"), ("Bw", "x", "w"), ("Dv", "y", "v")):
-            mode[key], *slopes = matrix(key, r, c)
-            demand(not any(e for slope in slopes for row in slope for e in row), f"{key} depends on a parameter")
-        mode["CD"] = join([mode["C"]], [mode["D"]])[0]
-        for k in ("w", "v", "theta"):
-            bounds = [given.get("bounds", {}).get(s["name"], s.get("bounds")) for s in signals[k]]
-            mode[k] = [(F(float(a)), F(float(b))) for a, b in bounds]
-        modes.append(mode)
-    boxes = {"x": [s["range"] for s in signals["x"]], "x0": list(zip(p["initial"]["x_lo"], p["initial"]["x_hi"]))}
-    h = F(float(p["time"]["sample_period"])) if p["time"]["kind"] == "continuous" else None
-    return modes, boxes, signals, h, p.get("switching", {}).get("mode_known_late", False)
+def size_of(row, values):
+    """Exact row times values."""
+    return sum((a * b for a, b in zip(row, values)), F(0))
 
 
-def add(*matrices):
-    """Sum of matrices."""
-    return [[sum(row, F(0)) for row in zip(*rows)] for rows in zip(*matrices)]
+def split(A, n):
+    """State and input columns."""
+    return [row[:n] for row in A], [row[n:] for row in A]
 
 
-def times(c, A):
-    """Matrix times a number."""
-    return [[c * a for a in row] for row in A]
+def beyond(row, radii, bounds):
+    """What the radii of a row leave, times the bounds."""
+    return sum((max(a - r, 0) * b for a, r, b in zip(row, radii, bounds)), F(0))
 
 
-def mag(A):
-    """Magnitude of every entry."""
-    return times(1, [[abs(a) for a in row] for row in A])
+def covered(t, name, q, i, need, before, after):
+    """The outward offset and the rounding of its sum; refuses where it is too small."""
+    value = F(t[name][q][i]) * (1 if name.endswith("hi") else -1)
+    error, _ = rounding([*before, (F(1), value), *after], t["real"])
+    demand(need + error <= value, f"offset {name}[{i}] of mode {q} lacks {float(need + error - value):.3g}")
+    return value, error
 
 
-def then(X, A):
-    """X [A; 0]: one more factor F (n rows) behind a word (n rows)."""
-    return mul([row[:len(A)] for row in X], A)
+def check_blind(m, t, q):
+    """Prediction without measurement and parameters, and the bounds of the outputs."""
+    n, v, p = len(m.x), t["vary"], m.p
+    one = [[F(i == j) for j in range(n)] for i in range(n)]
+    A, B, C, D, Ra, Sa = (exact(x[q]) for x in (t["A"], t["B"], t["C"], t["D"], v["Ra"], v["Sa"]))
+    target = [[a + b for a, b in zip(A, B)], *(times(0, add(p["F"][0])) for _ in m.box)]
+    inside = [(c - k, c + k) for c, k in zip(m.z["middle"], m.z["K"])]
+    left = split(left_over(one, m.z, target, inside, [F(0)] * len(inside)), n)
+    for side, s in SIDES:
+        for i, w in enumerate(m.z["W"](one, s)):
+            error, spread = rounding([*zip(Ra[i], m.x), *zip(Sa[i], m.u)], m.real)
+            need = w + error + beyond(left[0][i], Ra[i], m.x) + beyond(left[1][i], Sa[i], m.u_true)
+            covered(t, "a_" + side, q, i, need + size(B[i] + Sa[i], m.u_slip * 2), zip(B[i], m.u),
+                    [*zip(A[i], m.x), (F(1), spread)])
+        for j in range(len(C)):
+            need = sup(p["Dv"][j], p["v"], s) + size(p["C"][j], m.x, C[j]) + size(p["D"][j], m.u_true, D[j])
+            covered(t, "c_" + side, q, j, need + size(D[j], m.u_slip) + m.y_slip[j], zip(D[j], m.u), zip(C[j], m.x))
 
 
-def tail(A, h, order):
-    """Bound on every entry of sum_{k > order} h^k/k! A^k."""
-    step = h * max(sum(row, F(0)) for row in A)
-    demand(step * 2 < order, "the sampling period is too long")
-    return up(step ** (order + 1) / factorial(order + 1) / (1 - step / (order + 2)))
+def check_tables(modes, t, late):
+    """Containment; returns the tables at the corners of theta, growth of error and width at each, and theta^2."""
+    push, theta2, at, widths = {"hi": [], "lo": [], "width": []}, F(0), [], []
+    noise2 = [sum((max(sup(r, m.p["v"]), sup(r, m.p["v"], -1)) ** 2 for r in m.p["Dv"]), F(0)) for m in modes]
+    tnl = any(any(map(any, m.N)) for m in modes)
+    for q, m in enumerate(modes):
+        for i, j in product(range(len(m.x)), repeat=2):
+            fixed = not any(slope[i][j] for slope in m.M[1:])  # a constant may take the opposite bound
+            demand(fixed or min(M[i][j] for M in m.corners("M")) >= 0, f"T A - L C < 0 in mode {m.p['name']}, row {i}")
+        check_blind(m, t, q)
+        NDv = [(mul(m.N, r.p["Dv"]), r.p["v"]) for r in modes]
+        width, grow = [F(0)] * len(m.x), {}
+        others = modes if late else [m]
+        left = [m.left(r.z) for r in others]
+        for side, s in SIDES:
+            later = [max(sup(N[i], b, -s) for N, b in NDv) for i in range(len(m.x))]
+            slack = [F(0)] * len(m.x)
+            for i, (need, before, after, slips, apart) in enumerate(m.rows(s, later, left[others.index(m)])):
+                d, error = covered(t, "d_" + side, q, i, need, before, after)
+                width[i] += d + error + apart
+                slack[i] = d + error + slips
+            against = [[w + size(a, m.x) + size(b, m.u_true) for w, a, b in zip(r.z["W"](m.T, -s), *A)]
+                       for r, A in zip(others, left)]
+            grow[side] = [x + max(rows) for x, rows in zip(slack, zip(*against))], later
+        for L in m.corners("L"):
+            radius = [size(R, m.x) + size(S, m.u) + size(E, row) for R, S, E, row in zip(m.R, m.S, m.E, L)]
+            at.append(q)
+            widths.append([a + 2 * b for a, b in zip(width, radius)])
+            for side, s in SIDES:
+                slack, later = [a + b for a, b in zip(grow[side][0], radius)], grow[side][1]
+                LDv = [(mul(L, r.p["Dv"]), r.p["v"]) for r in others]
+                rise = [max(sup(D[i], b, s) for D, b in LDv) + max(sup(N[i], b, s) for N, b in NDv)
+                        for i in range(len(slack))]
+                push[side].append([a + b for a, b in zip(slack, rise)])
+                fall = [-s * size_of(row, m.mid) if len(m.M) > 1 else sup(row, m.p["v"], -s)
+                        for row in mul(L, m.p["Dv"])]
+                slack2 = sum((max(a, -b - c, 0) ** 2 for a, b, c in zip(slack, fall, later)), F(0))
+                theta2 = max(theta2, slack2 + noise2[q] + (max(noise2) if tnl else 0))
+    push["width"] = widths
+    return at, push, theta2
 
 
-def up(x):
-    """A fraction of moderate length just above."""
-    return ceil(x / FINE) * FINE
-
-
-def transition(mode, signals, h, both):
-    """One step of a mode: "poly" (Phi by powers of p), "first" (|s| <= 1 each), "rest" and the effect "W" of w."""
-    n, thetas = len(mode["F"][0]), signals["theta"]
-    middle, half = ([(b + s * a) / 2 for a, b in mode["theta"]] for s in (1, -1))
-    error = [F(float(s.get("error", 0))) for s in thetas]
-    known = [j for j, s in enumerate(thetas) if s.get("measured", True)]
-    Fc = add(mode["F"][0], *(times(m, Fj) for m, Fj in zip(middle, mode["F"][1:])))
-    Fk = [mode["F"][1 + j] for j in known]
-    z = {"middle": [middle[j] for j in known], "K": [half[j] + error[j] for j in known]}
-    first = [times(error[j] if j in known else half[j], mode["F"][1 + j]) for j in range(len(thetas))]
-    none = times(0, Fc)
-    if h is None:
-        return z | {"poly": {(): Fc} | {(j,): A for j, A in enumerate(Fk)}, "first": first, "rest": none,
-                    "W": lambda T, s: [sup(row, mode["w"], s) for row in mul(T, mode["Bw"])]}
-    far, mean = [], []
-    for j in known:
-        width, moved = 2 * half[j], F(thetas[j]["rate"]) * h if "rate" in thetas[j] else 2 * half[j] * 4
-        far.append(min(width, moved / (2 if both else 1)))
-        mean.append(min(width, moved / (4 if both else 2)))
-    a, b = mag(Fc), add(none, *(times(k, mag(A)) for k, A in zip(z["K"], Fk)))
-    d = add(none, *map(mag, first), *(times(f, mag(A)) for f, A in zip(far, Fk)))
-    one = [[F(i == j) for j in range(len(none[0]))] for i in range(n)]
-    words, poly, degree, unknown, whole, rest = {(): one}, {(): one}, [one, none, none, none], none, [one], none
-    nominal = [one]
-    for k in range(1, ORDER + 1):
-        longer = {}
-        for which, X in words.items():
-            for new, A in [(which, Fc)] + [(tuple(sorted((*which, j))), A) for j, A in enumerate(Fk) if len(which) < 2]:
-                longer[new] = add(longer.get(new, none), then(X, A))
-        words, w = longer, h**k / factorial(k)
-        poly = {new: add(poly.get(new, none), times(w, X)) for new, X in words.items()}
-        unknown = add(then(unknown, add(a, b, d)), then(add(*degree), d))
-        degree = [add(then(X, a), then(Y, b)) for X, Y in zip(degree, [none, *degree])][:3] + [
-            add(then(degree[3], add(a, b)), then(degree[2], b))]
-        rest = add(rest, times(w, add(degree[3], unknown if k > 1 else none)))
-        whole.append(then(whole[-1], add(a, b, d)))
-        nominal.append(words[()])
-    end = tail(add(a, b, d), h, ORDER)
-    trimmed = {new: [[F(round(x / FINE)) * FINE for x in row] for row in X] for new, X in poly.items()}
-    slack = end + FINE * sum(k + l for k, l in product([F(1), *z["K"]], repeat=2))
-    rest = [[up(x + slack) for x in row] for row in rest]
-    first = [times(h, A) for A in first] + [times(m * h, A) for m, A in zip(mean, Fk)]
-    return z | {"poly": trimmed, "first": first, "rest": rest,
-                "W": disturbance(mode, signals, h, nominal, whole, end, [row[:n] for row in a], add(a, b, d))}
-
-
-def disturbance(mode, signals, h, nominal, whole, end, a, most_F):
-    """The largest effect of w, and of inputs that move, over a period: a function of T and the sign."""
-    n, Bw, w = len(a), mode["Bw"], mode["w"]
-    most, half = [max(abs(lo), abs(hi)) for lo, hi in w], [(hi - lo) / 2 for lo, hi in w]
-    rates = [F(float(s.get("rate", 0))) for s in signals["u"]]
-    effects = [then(X, Bw) for X in nominal]
-    gain = add(*(times(h ** (k + 1) / factorial(k + 1), X) for k, X in enumerate(effects)))
-    late, plain = tail(a, h, ORDER - 1), [[F(i == j) for j in range(n)] for i in range(n)]
-    beyond = [end * h * size(map(sum, zip(*mag(Bw))), most) + late * h * h / 4 * sum(
-        (size(row, half) for row in mul(a, mag(Bw))), F(0))] * n
-    beyond = [x + end * h * h * sum((size(row[n:], rates) for row in most_F), F(0)) for x in beyond]
-    for k in range(ORDER + 1):
-        all_words, inputs = [row[:n] for row in whole[k]], [row[n:] for row in most_F]
-        other = mul(sub(all_words, plain), mag(Bw))
-        moving = mul(all_words, inputs)
-        for i in range(n):
-            beyond[i] += h ** (k + 1) / factorial(k + 1) * size(other[i], most)
-            beyond[i] += h ** (k + 2) / factorial(k + 2) * size(moving[i], rates)
-        plain = mul(plain, a)
-    beyond = [up(x) for x in beyond]
-
-    def effect(T, s):
-        swing = [size(row, beyond) for row in T]
-        for k in range(1, ORDER + 1):
-            swing = [x + h ** (k + 1) / (4 * factorial(k - 1)) * size(row, half)
-                     for x, row in zip(swing, mul(T, effects[k]))]
-        return [sup(row, w, s) + x for row, x in zip(mul(T, gain), swing)]
-    return effect
-
-
-def left_over(T, z, target, box, drift):
-    """Bound on every entry of T Phi - (target_0 + sum theta_j target_j), theta in the box."""
-    poly, K = z["poly"], z["K"]
-    middle = sub(mul(T, poly[()]), target[0])
-    out = add(mul(mag(T), z["rest"]), *(mag(mul(T, A)) for A in z["first"]))
-    for j, ((lo, hi), c) in enumerate(zip(box, z["middle"])):
-        TF = mul(T, poly[(j,)])
-        slope = sub(TF, target[1 + j])
-        middle = add(middle, times(-c, target[1 + j]), times((lo + hi) / 2 - c, slope))
-        out = add(out, times((hi - lo) / 2, mag(slope)), times(drift[j], mag(TF)))
-    for which, A in ((k, mul(T, A)) for k, A in poly.items() if len(k) == 2):
-        i, j = which
-        middle = add(middle, times(K[i] ** 2 / 2, A)) if i == j else middle
-        out = add(out, times(K[i] * K[j] / (2 if i == j else 1), mag(A)))
-    return add(out, mag(middle))
+def main(folder, design, record):
+    """Check a folder."""
+    given, boxes, signals, h, late = read_plant(design["plant"]["toml"])
+    for real, t in design["tables"].items():
+        both, cert = t["vary"]["midpoint"], design["certificate"][real]
+        known = [j for j, s in enumerate(signals["theta"]) if s.get("measured", True)]
+        demand(t["vary"]["columns"] == known and t["vary"]["late"] == late and t["clamp"], "what is measured")
+        demand(not both or (h is not None and design["family"] == "tnl" and known and all(
+            "rate" in signals["theta"][j] for j in known) and all(m["theta"] == given[0]["theta"] for m in given)),
+            "the mean of both ends is no measure of the parameters")
+        for name, box in boxes.items():
+            for lo, hi, (a, b), z in zip(t[name + "_lo"], t[name + "_hi"], box, t["box"]):
+                demand(F(lo) <= F(float(a)) and F(hi) >= F(float(b)) and max(-lo, hi) <= z, f"box {name} too small")
+        modes = [Mode(p, t, q, transition(p, signals, h, both), both) for q, p in enumerate(given)]
+        at, push, theta2 = check_tables(modes, t, late)
+        grown = {f"{k}_{s}": [mag(A) if k == "M" else A for m in modes for A in m.corners(k)]
+                 for k in "MGLN" for s, _ in SIDES} | ({"G_lo": None} if late else {})  # late: no width
+        spread = {f"P_{s}": [cert[f"P_{s}"][q] for q in at] for s, _ in SIDES if f"P_{s}" in cert}
+        plain.check_claims([given[q] for q in at], t | grown, cert | spread, push, theta2)
+        print(f"proved for {real}: containment with rounding{', of the continuous plant at its samples' if h else ''}, "
+              f"for every parameter in its box, {cert['kind']} claim")
+    t = design["tables"][record["real"]]
+    v = {k: x for k, x in t["vary"].items() if isinstance(x, list) and k != "columns"}
+    plain.check_source((folder / f"{record['prefix']}.c").read_text(), t | {
+        "M_hi": [t["M_hi"], *v.values()], "half": [0.5] * t["vary"]["midpoint"]})
+    print(f"the constants of {record['prefix']}.c are those of the {record['real']} tables")

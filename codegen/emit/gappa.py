@@ -90,7 +90,8 @@ def rounding(design, d: DesignView) -> RoundingView:
     Returns
     -------
     view : RoundingView
-        A row that is the same in several modes appears once.
+        A row that is the same in several modes appears once. The maps of a mode that is told late are no rows of
+        their own: they are the same sums.
     """
     t = design.observer.tables[d.real]
     names = Names(d.prefix, d.macro, d.real, tuple(m.name for m in d.modes), tuple(m.macro for m in d.modes))
@@ -136,7 +137,7 @@ def _row(name: str, note: str, terms: tuple[str, ...], margin: float, exact: tup
 
 
 def _coefficient(exact: Containment, names: Names, m: Magnitude, q: int) -> tuple[Computed, Row]:
-    """State a computed coefficient whose magnitude is used: its own sum, with the room that the offsets leave for it."""
+    """State a computed coefficient whose magnitude is used: its own sum, with the error that the offsets hold."""
     L, (i, j) = exact.scheduled(q, "hi").L, m.index
     most, slip = L.most()[i, j], down(L.rounding(names.real)[i, j])
     row = _row(f"{names.prefix}_{m.name}", f'L[{i}][{j}], mode "{names.modes[q]}"', m.terms, slip)

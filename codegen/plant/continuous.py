@@ -42,7 +42,7 @@ def advance(mode: Mode, x: Array, h: float, theta: tuple[Array, Array], u: tuple
         Seconds.
     theta, u : (ndarray, ndarray)
         At start and end.
-    w, f : ndarray
+    w : ndarray (n_w,), f : ndarray (n_f,)
 
     Returns
     -------

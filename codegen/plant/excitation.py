@@ -30,12 +30,15 @@ def inputs(plant: Plant, scenario: Scenario, record: Record | None) -> Array:
     Raises
     ------
     PlantError
-        An expression has no value, or a value leaves the declared range.
+        An expression has no value, leaves the declared range or is faster than the rate.
     """
     if record is not None and record.has(plant.u):
         u = record.numbers(plant.u)[: scenario.steps]
     else:
         u = _evaluated(plant, scenario, "u", scenario.u)
+    if plant.kind == "continuous":  # an input without a rate is held, and may jump at a sample
+        step = np.array([s.rate * plant.sample_period if s.rate > 0 else np.inf for s in plant.u])
+        _check_rate("u", plant.u, u, np.broadcast_to(step, u.shape))
     return _within("u", plant.u, u, *plant.limits("u"))
 
 
@@ -139,7 +142,7 @@ def scheduling(
     step = np.tile([s.rate * plant.sample_period for s in plant.theta], (scenario.steps, 1))
     step[jumps(plant, q, scenario.steps)] = np.inf
     if not isinstance(scenario.theta, str):
-        _check_rate(plant, theta, step)
+        _check_rate("theta", plant.theta, theta, step)
         return theta
     for k in range(1, len(theta)):  # random values, reached no faster than the rate allows
         theta[k] = theta[k - 1] + np.clip(theta[k] - theta[k - 1], -step[k], step[k])
@@ -204,11 +207,11 @@ def _corner(lo: Array, hi: Array, rng: np.random.Generator) -> Array:
     return np.where(rng.integers(0, 2, size=lo.shape) == 1, hi, lo)
 
 
-def _check_rate(plant: Plant, theta: Array, step: Array) -> None:
-    change = np.abs(np.diff(theta, axis=0))
+def _check_rate(vector: str, signals: tuple[Signal, ...], values: Array, step: Array) -> None:
+    change = np.abs(np.diff(values, axis=0))
     for k, j in np.argwhere(change > step[1:] * (1 + 1e-9))[:1]:
         raise PlantError(
-            f"theta.{plant.theta[j].name}: changes by {change[k, j]:g} at sample {k + 1} (expected at most "
+            f"{vector}.{signals[j].name}: changes by {change[k, j]:g} at sample {k + 1} (expected at most "
             f"{step[k + 1, j]:g}, its rate times the sample period). Slow it down, or raise the rate."
         )
 

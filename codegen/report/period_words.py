@@ -16,7 +16,8 @@ from .plots import inline
 from .table import Cell, Plot, Row, Table, table
 
 CAPTION = ("For every period the plant is sampled and the gains are designed anew, for the smallest steady width "
-           "before rounding; such a design may see no fault. Widths below a millionth of the range are not drawn.")
+           "before rounding{tnl}. Widths below a millionth of the range are not drawn.")
+TNL = ", with gains N no larger (relative to those that reproduce the measurement) than in this firmware"
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,8 @@ def words_of(design, real: str, points: Sequence) -> tuple[PeriodWords, ...]:
     plant = design.plant
     scale = np.array([reach(s) for s in plant.x])
     figure = period_figure(points, scale, [s.name for s in plant.x], plant.sample_period)
-    plot = Plot(inline(figure, "periods", "Guaranteed width against sampling period"), CAPTION)
+    plot = Plot(inline(figure, "periods", "Guaranteed width against sampling period"),
+                CAPTION.format(tnl=TNL if np.any(design.observer.tables[real].N_hi) else ""))
     return (PeriodWords(_text(design, real, points, scale), (plot,), (_table(plant, points, scale),)),)
 
 
@@ -67,10 +69,11 @@ def _text(design, real: str, points: Sequence, scale) -> str:
         parts.append(f"For the smallest width no design was found at the chosen {words.seconds(period)}")
     else:
         ratio = total(here, scale) / max(total(limit, scale), 1e-300)
+        wide = f"{words.at_most(ratio, 3)} times as wide as" if ratio > 1.005 else "as wide as"
         parts.append(f"At the chosen {words.seconds(period)} the narrowest bounds that this method can have are "
-                     f"{percent(total(here, scale))} wide (each state in units of its range, summed): "
-                     f"{words.at_most(ratio, 3)} times as wide as at {words.seconds(limit.period)}, the shortest "
-                     "period computed, which stands for the continuous limit")
+                     f"{percent(total(here, scale))} wide (each state in units of its range, summed): {wide} at "
+                     f"{words.seconds(limit.period)}, the shortest period computed, which stands for the continuous "
+                     "limit")
     found = settled_width(design, real)
     if found is not None and here is not None:
         sees = bool(design.plant.f) and "criterion" not in design.options

@@ -55,7 +55,7 @@ def inapplicable(plant, tnl: bool) -> str | None:
     if plant.theta:
         return ('the plant has scheduling parameters, expected constant matrices per mode. Use method "lpv-interval" '
                 'or "tnl-interval-lpv".')
-    return common_reason(plant, tnl)
+    return common_reason(plant, tnl, "interval")
 
 
 def inapplicable_varying(plant, tnl: bool, split: bool = False) -> str | None:
@@ -76,14 +76,15 @@ def inapplicable_varying(plant, tnl: bool, split: bool = False) -> str | None:
         for name in set(mode.theta_terms) - {"A", "B"}:
             return (f'{name} of mode "{mode.name}" depends on a parameter, expected only A and B to. Take the middle '
                     "and widen the bounds of w or v by the rest.")
-    if split and any(s.measured for s in plant.theta):
-        return ('parameters are measured, expected none: use "lpv-interval" or "tnl-interval-lpv", or set measured = '
-                "false.")
-    return common_reason(plant, tnl)
+    measured = [s.name for s in plant.theta if s.measured]
+    if split and measured:
+        return (f'the parameter "{measured[0]}" is measured, expected none to be. Use method "lpv-interval" or '
+                '"tnl-interval-lpv", or set measured = false.')
+    return common_reason(plant, tnl, "lpv-interval")
 
 
-def common_reason(plant, tnl: bool) -> str | None:
-    """What stands in the way of any interval observer; None if nothing does."""
+def common_reason(plant, tnl: bool, classical: str) -> str | None:
+    """What stands in the way of any interval observer; ``classical``: the method without N. None if nothing does."""
     if not plant.switching.known:
         return "the mode is not known at run time, expected switching.known = true."
     if plant.n_y == 0:
@@ -94,10 +95,10 @@ def common_reason(plant, tnl: bool) -> str | None:
                 return (f'signals.{vector} "{signal.name}" has no range, expected range = [lo, hi]: rounding margins, '
                         "input checks and recovery need it. Add one.")
     if tnl and any(np.any(m.D) for m in plant.modes):
-        return 'D is not zero; the new measurement would need the new input. Use method "interval".'
+        return f'D is not zero; the new measurement would need the new input. Use method "{classical}".'
     if tnl and any(not np.array_equal(m.C, plant.modes[0].C) for m in plant.modes):
-        return ('C differs between modes, so T + N C = I would need one N per pair of modes. Use method "interval", '
-                "or a common C.")
+        return ('C differs between modes, so T + N C = I would need one N per pair of modes. Use method '
+                f'"{classical}", or a common C.')
     return None
 
 

@@ -181,15 +181,26 @@ def newton(rows: list, solved: list, modes: Array, W: Array) -> Array | None:
     return np.linalg.solve(np.eye(len(W)) - M, b)
 
 
+def capped(problem: Problem, share: float) -> Array | None:
+    """Elementwise cap on |N|: a share of the gain that reproduces the measurement; None where it is infinite."""
+    reach = np.abs(np.linalg.pinv(problem.C[0]))
+    return np.where(reach > 1e-9, share * reach, 1e6) if np.isfinite(share) else None
+
+
+def share_of(C: Array, N: Array) -> float:
+    """Smallest share that gains N (modes, n_x, n_y) keep to, see ``capped``."""
+    reach = np.abs(np.linalg.pinv(C))
+    size = np.max(np.abs(N), axis=0)
+    return float(np.max(size[reach > 1e-9] / reach[reach > 1e-9], initial=0.0))
+
+
 def candidates(problem: Problem, options: dict, progress: Callable[[str], None]) -> Iterator[Candidate]:
     """Narrowest design, and, where there is a fault to be seen, the same under caps on N."""
-    reach = np.linalg.pinv(problem.C[0])
     caps = CAPS if problem.tnl and len(problem.f_scale) and options.get("criterion") != "width" else (np.inf,)
     for n, share in enumerate(caps, 1):
         progress(f"width by policy iteration, {n} of {len(caps)}: "
                  + (f"|N| at most {share:g} of C^-1" if np.isfinite(share) else "any gains"))
-        cap = None if not np.isfinite(share) else np.where(np.abs(reach) > 1e-9, share * np.abs(reach), 1e6)
-        solved = iterate(problem, cap)
+        solved = iterate(problem, capped(problem, share))
         if solved is not None:
             label = "width, policy iteration" + (f", N at most {share:g}" if np.isfinite(share) else "")
             yield Candidate(label, solved["L"], solved["N"], {"kind": "box"}, slopes(problem, solved))

@@ -140,5 +140,5 @@ def slow_reason(problem: Problem, lam: float) -> str | None:
     parts = " + ".join(f"{v:.3g} {x}" for v, x in zip(z, problem.states) if v > 1e-9)
     return (f"lambda = {lam:g} asks for decay by {np.sqrt(1.0 - lam):.4g} per sample, but in mode "
             f'"{problem.names[q]}"{at_words(corner)} the direction z = {parts} is invisible to the outputs (C z = 0, '
-            f"so (A - L C) z = A z for every L) and A z >= {s:.4g} z. Ask for lambda below {1.0 - s * s:.4g}, or measure "
-            "another state.")
+            f"so (A - L C) z = A z for every L) and A z >= {s:.4g} z. Ask for lambda below {1.0 - s * s:.4g}, or "
+            "measure another state.")

@@ -11,6 +11,8 @@ import pytest
 
 from codegen.designs import read_design
 from codegen.emit.package import files
+from codegen.plant.load import loads, starter
+from codegen.synthesis import METHODS
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
@@ -39,10 +41,31 @@ def test_worked_example_runs(home):
 
 
 def test_python_example_runs(home):
-    (code,) = [text for kind, text in BLOCKS if kind == "python"]
-    done = subprocess.run([sys.executable, "-c", code], cwd=home, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert int(done.stdout.split()[0]) == 35  # the fault of the scenario starts there
+    said = []
+    for code in (text for kind, text in BLOCKS if kind == "python"):
+        done = subprocess.run([sys.executable, "-c", code], cwd=home, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        said.append(done.stdout.split(maxsplit=1))
+    parameters, switched = said
+    assert parameters == ["False", "(1, 2, 2)\n"]  # no alarm, one measured parameter
+    assert int(switched[0]) == 35  # the fault of the scenario starts there
+
+
+def test_plant_file_with_parameters_is_one():
+    """The snippet, with the rest of the starter file around it, is a plant; its parameters are as they say."""
+    (snippet,) = [text for kind, text in BLOCKS if kind == "toml"]
+    time, signals = snippet.split("[signals]\n")
+    text = re.sub(r"^# .*\n", "", starter("tank"), flags=re.M)
+    text = re.sub(r"\[time\]\n.*?\n\n", time + "\n", text, flags=re.S).replace("[initial]", signals + "\n[initial]")
+    plant = loads(text.replace("[0, 0.9]", '[0, "-1 - load"]'))
+    load, wear = plant.theta
+    assert plant.kind == "continuous" and (load.rate, load.error, wear.measured) == (2, 0.02, False)
+    assert METHODS["lpv-interval"].module.inapplicable(plant) is None
+
+
+def test_every_method_is_in_the_table():
+    for name in METHODS:
+        assert f"`{name}`" in README
 
 
 def test_calling_example_compiles(home):

@@ -1,10 +1,10 @@
 """The published example of Zammali (2020), section 3.3.3 (discrete time), and what of it does not hold.
 
-* At the printed alpha = 0.9 there is no design, with any gains: C z = 0 for z = (1, 1), so (A - L C) z = A z, and A(theta)
-  grows z by 0.418 in mode 3, more than sqrt(1 - 0.9). The largest alpha is below 0.8253.
+* At the printed alpha = 0.9 there is no design, with any gains: C z = 0 for z = (1, 1), so (A - L C) z = A z, and
+  A(theta) keeps 0.418 of z in mode 3, more than sqrt(1 - 0.9). The largest alpha is below 0.8253.
 * The printed gamma = 2.12 belongs to the box [0.5, 1]^2 in all modes; even there 1.945 is possible.
-* The corrected levels of the dossier come out: 4.316, 2.2225, 1.764 at alpha = 0.8, 0.7, 0.5 (theirs is blind to the noise
-  through L, ours is not: within 0.1 %, as the optimal gains are tiny). At 0.82 theirs needs one P per mode.
+* The corrected levels of the dossier come out: 4.316, 2.2225, 1.764 at alpha = 0.8, 0.7, 0.5 (the printed LMI is blind
+  to the noise through L, ours is not: within 0.1 %). At 0.82 theirs needs one P per mode.
 * gamma is no measure of the width: with L = 0 the intervals are three times narrower than with the printed gains.
 """
 
@@ -62,8 +62,9 @@ def test_printed_alpha_is_infeasible_and_the_user_is_told_why():
 
 def test_unseen_direction():
     """Smallest row sums of A at the worst corner: 0.320 in mode 2, 0.418 in mode 3, both above sqrt(0.1)."""
-    sums = [max(np.min((m.A + np.tensordot(c, m.A_theta, 1)).sum(axis=1)) for c in product(*zip(m.theta_lo, m.theta_hi)))
-            for m in PLANT.observed.modes]
+    corners = [list(product(*zip(m.theta_lo, m.theta_hi))) for m in PLANT.observed.modes]
+    sums = [max(np.min((m.A + np.tensordot(c, m.A_theta, 1)).sum(axis=1)) for c in box)
+            for m, box in zip(PLANT.observed.modes, corners)]
     assert sums[1] == pytest.approx(0.320, abs=1e-3) and sums[2] == pytest.approx(0.418, abs=1e-3)
     assert 1 - sums[2] ** 2 == pytest.approx(0.8253, abs=5e-4)
     assert level(PLANT, 0.83) is None
@@ -95,7 +96,7 @@ def fixed(L, slopes):
 
 
 def test_no_gain_is_narrower_than_the_printed_gains():
-    """Dossier: printed (0.031, 0.050), alpha = 0.7 (0.0285, 0.047), L = 0 (0.0096, 0.0152), on other sequences of modes."""
+    """Dossier: printed (0.031, 0.050), L = 0 (0.0096, 0.0152), on other sequences of modes."""
     printed = widths(fixed(PRINTED_L, PRINTED_SLOPES))
     none = widths(fixed(0 * PRINTED_L, 0 * PRINTED_SLOPES))
     assert printed == pytest.approx([0.031, 0.050], rel=0.25)

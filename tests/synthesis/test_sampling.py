@@ -126,7 +126,7 @@ def radius(m, x, u):
 
 
 def excess(m, found):
-    """How far the transitions leave the enclosure at most, in units of the state's range; negative where they do not."""
+    """How far the transitions leave the enclosure at most, relative to the state; negative where they do not."""
     worst = -np.inf
     for t in found:
         A = m.A + np.tensordot(t.theta, m.A_theta, 1)
@@ -165,7 +165,8 @@ def no_square(name, h):
     m = enclosed(name, h, "euler")
     n = len(m.A)
     mean = np.arange(len(m.w_lo)) < len(m.w_lo) - n
-    return replace(m, A_rad=0 * m.A_rad, B_rad=0 * m.B_rad, w_lo=np.where(mean, m.w_lo, 0), w_hi=np.where(mean, m.w_hi, 0))
+    return replace(m, A_rad=0 * m.A_rad, B_rad=0 * m.B_rad, w_lo=np.where(mean, m.w_lo, 0),
+                   w_hi=np.where(mean, m.w_hi, 0))
 
 
 def naive(name, h):

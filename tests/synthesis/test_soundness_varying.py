@@ -51,7 +51,8 @@ A = [["0.1*e + g", 0.4], ["0.3*e - 0.1", "0.3"]]
 B = [["-e"], [1]]
 """
 # A plant of one mode with rates, so that a step takes the mean of the parameters at both ends.
-RATED = SMALL.replace('kind = "discrete"', 'kind = "continuous"').replace("sample_period = 1", "sample_period = 0.02").replace(
+RATED = SMALL.replace('kind = "discrete"', 'kind = "continuous"').replace(
+    "sample_period = 1", "sample_period = 0.02").replace(
     "error = 0.05", "rate = 20").replace('"0.3*e - 0.2"', '"-2*e"').replace('"0.2 - g"', '"-1 - g"').replace(
     '"0.1*e + g"', '"-e"').replace('"0.3"]]', '"-2"]]')
 OWN = {"small": (SMALL, "lpv-interval"), "small tnl": (SMALL, "tnl-interval-lpv"), "rated": (RATED, "lpv-interval")}
@@ -81,7 +82,10 @@ def exact_sum(matrix, vector):
 def simulate(plant, seed, steps=60, hold=5):
     """One exact run of ``plant.observed``; signals stay for a while, so that they add up."""
     rng, seen = np.random.default_rng(seed), plant.observed
-    x, q = [Q(a) for a in corner(plant.x0_lo, plant.x0_hi, rng)], rng.integers(0, plant.n_modes, steps)
+    def rational(values):
+        return [Q(a) for a in values]
+
+    x, q = rational(corner(plant.x0_lo, plant.x0_hi, rng)), rng.integers(0, plant.n_modes, steps)
     boxes = [(m.theta_lo, m.theta_hi) for m in seen.modes]
     theta = np.array([corner(*boxes[i], rng) for i in q]).reshape(steps, -1).astype(np.float32)
     theta = np.array([np.clip(t, *boxes[i]) for t, i in zip(theta, q)]).astype(np.float32)
@@ -94,18 +98,19 @@ def simulate(plant, seed, steps=60, hold=5):
         w, v = corner(m.w_lo, m.w_hi, rng), corner(m.v_lo, m.v_hi, rng)
         us.append(u)
         rows.append(x)
-        now = [Q(a) for a in u]
-        ys.append([a + b for a, b in zip(exact_sum(m.C, x), exact_sum(m.Dv, [Q(a) for a in v]))])
-        p = [Q(a) for a in theta[k]]
+        now = rational(u)
+        ys.append([a + b for a, b in zip(exact_sum(m.C, x), exact_sum(m.Dv, rational(v)))])
+        p = rational(theta[k])
         if plant.reads_both_ends:
             p = [(a + Q(b)) / 2 for a, b in zip(p, theta[min(k + 1, steps - 1)])]
-        after = [a + b + c for a, b, c in zip(exact_sum(m.A, x), exact_sum(m.B, now), exact_sum(m.Bw, [Q(a) for a in w]))]
+        after = [a + b + c for a, b, c in zip(exact_sum(m.A, x), exact_sum(m.B, now), exact_sum(m.Bw, rational(w)))]
         parts = [(t, F, G) for t, F, G in zip(p, m.A_theta, m.B_theta)]
         parts += [(Q(s), F, G) for s, F, G in zip(signs[2:], m.A_unc, m.B_unc)]
         for factor, F, G in parts:
             after = [a + factor * (b + c) for a, b, c in zip(after, exact_sum(F, x), exact_sum(G, now))]
         # dA, dB at the end that pushes state i up or down as far as it goes.
-        apart = [b + c for b, c in zip(exact_sum(m.A_rad, [abs(a) for a in x]), exact_sum(m.B_rad, [abs(a) for a in now]))]
+        sizes = [abs(a) for a in x], [abs(a) for a in now]
+        apart = [b + c for b, c in zip(exact_sum(m.A_rad, sizes[0]), exact_sum(m.B_rad, sizes[1]))]
         x = [a + int(signs[-1 - i % 2]) * b for i, (a, b) in enumerate(zip(after, apart))]
     return rows, np.array(us), ys, q, theta
 
@@ -147,7 +152,8 @@ def with_tables(design, **changes):
 def test_contains_the_exact_state(name):
     design, r = case(name)
     lo, hi = ([Q(a) for a in side] for side in design.plant.limits("x"))
-    assert all(a <= b <= c for run in r.x for row in run for a, b, c in zip(lo, row, hi)), "runs must keep to the ranges"
+    kept = all(a <= b <= c for run in r.x for row in run for a, b, c in zip(lo, row, hi))
+    assert kept, "runs must keep to the ranges"
     trace = feed(design.observer, r)
     assert np.all(trace.status == 0)
     assert missed(trace, r) == 0 and false_alarms(trace) == 0

@@ -24,12 +24,13 @@ from codegen.errors import ToolError, ValidationError
 from codegen.observers import FAMILIES
 from codegen.observers.framer import Variation, open_loop, propagate, residuals, scheduled
 from codegen.plant.load import gallery_names, load
+from codegen.plant.uncertain import is_uncertain
 from codegen.target.gappa import prove_rounding, require_rounding
 
 GENERATED = sorted(p.parent for p in (Path(__file__).resolve().parents[2] / "generated").glob("*/design.json"))
 REALS = ("float32", "float64")
 SMALL = 30  # sums: a larger script is proved in the number type of the plant file only
-PLANTS = [n for n in gallery_names() if load(n).observed is not load(n)]  # with parameters, unknowns or a clock
+PLANTS = [name for name in gallery_names() if is_uncertain(load(name))]
 RADIUS = r"\n    [+-] [^\n]*\b(?:m|a|size)_\d[^\n]*$"
 DEFINITION = r"(?m)^{} (?:r=|=)\n((?:    .*\n)*?    .*);$"
 
@@ -59,7 +60,7 @@ def varying_script(plant):
 def put(text, to):
     """Write what ``prove_rounding`` needs of a folder."""
     prefix = re.search(r"rounding_(\w+)\.g", text)[1]
-    (to / "resources.json").write_text(json.dumps({"prefix": prefix}))
+    (to / "resources.json").write_text(json.dumps({"prefix": prefix, "n_u": 0}))
     (to / f"rounding_{prefix}.g").write_text(text, encoding="ascii")
     return to
 
@@ -130,7 +131,8 @@ def only(text, names):
     """Keep some rows, with the coefficients behind them: Gappa takes long over what fails beside much else."""
     every = re.findall(r"(?m)^(\w+) r=$", text)
     taken = set(re.findall(r"\bsize_(\w+)", " ".join(re.search(DEFINITION.format(n), text)[1] for n in names)))
-    text = re.sub(r"(?m)^ +# The magnitude of .*\n +size_(\w+) (?:.*\n){3}", lambda m: m[0] if m[1] in taken else "", text)
+    text = re.sub(r"(?m)^ +# The magnitude of .*\n +size_(\w+) (?:.*\n){3}",
+                  lambda m: m[0] if m[1] in taken else "", text)
     for other in set(every) - set(names) - {n for n in every for m in taken if n.endswith(f"_{m}")}:
         text = re.sub(DEFINITION.format(other), "", re.sub(DEFINITION.format(f"exact_{other}"), "", text))
         text = re.sub(rf"(?m)^ +\|{other} .*\n", "", text)
@@ -182,12 +184,65 @@ def fraction(value):
     return Fraction(float(value))
 
 
+def varied(family, same_bounds):
+    """Give a stand-in random slopes, radii and constants that take the opposite bound."""
+    design, rng = stand_in(family, (3, 3, 2, 2), prefix="cart", sparse=0.2, clamp=True), np.random.default_rng(7)
+    wide, tables = design.observer.tables["float32"], {}
+    n, x, u, y, parameters = *wide.G_hi.shape, wide.C.shape[1], 2
+
+    def some(*shape, low=0.0):
+        return rng.uniform(low, 1.0, shape) * (rng.random(shape) < 0.7)
+
+    lo = np.array([[-1.5, 0.25]]) + (0 if same_bounds else np.arange(n)[:, None] / 8) * np.array([[0, 1]])
+    arrays = {"theta_lo": np.broadcast_to(lo, (n, 2)), "theta_hi": np.broadcast_to(lo + 2, (n, 2)),
+              "M": some(n, parameters, x, x, low=-1), "G": some(n, parameters, x, u, low=-1),
+              "L": some(n, parameters, x, y, low=-1), "R": some(n, x, x), "S": some(n, x, u), "Ra": some(n, x, x),
+              "Sa": some(n, x, u), "M_base": some(n, x, x, low=-1)}
+    arrays["E"] = some(n, x, y) * np.any(arrays["L"], axis=1)
+    for real, t in design.observer.tables.items():
+        a = {k: v.astype("float32").astype(real) for k, v in arrays.items()}
+        M = a.pop("M_base")
+        vary = Variation(columns=(0, 1), midpoint=same_bounds and family == "tnl", late=False, **a)
+        tables[real] = replace(t, M_hi=M, M_lo=M, vary=vary)
+        assert tables[real].signed
+    return replace(design, observer=FAMILIES[family](tables, design.observer.supervision))
+
+
+def between(design, real, rng):
+    """Parameters within the bounds of each mode: (modes, parameters)."""
+    vary = design.observer.tables[real].vary
+    if vary is None:
+        return np.zeros((len(design.plant.modes), 0), dtype=real)
+    share = rng.random(vary.parameters).astype(real)
+    return vary.theta_lo + share * (vary.theta_hi - vary.theta_lo)
+
+
+def varying_values(text, t, theta, x_lo, x_hi, u):
+    """Values of what only a script with parameters and radii reads: those that the numpy step has."""
+    if t.vary is None:
+        return {}
+    values = {f"m_{j}": v for j, v in enumerate(np.maximum(-x_lo, x_hi))} | {f"a_{j}": abs(v) for j, v in enumerate(u)}
+    values |= {f"th_{j}_mode_{q}": v for q, row in enumerate(theta) for j, v in enumerate(row)}
+    for name, i, j, q in re.findall(r"(?m)^cart_(L_(\d+)_(\d+)_mode_(\d+)) r=$", text):
+        at = np.array([int(q)])
+        gain = scheduled(t.L_hi[at], t.vary.L[at], theta[at])[0, int(i), int(j)]
+        assert evaluate(text, f"cart_{name}", values, np.dtype(t.real).type) == gain
+        values |= {f"size_{name}": abs(gain), f"exact_size_{name}": abs(gain)}
+    assert any(name.startswith("size_") for name in values)
+    return values
+
+
+CASES = {f"{f}-{v}": (f, {"prefix": "cart", **VARIANTS[v]}) for f in ("interval", "tnl") for v in VARIANTS}
+CASES |= {f"{f}-varying{b}": (f, b) for f in ("interval", "tnl") for b in (True, False)}
+
+
 @pytest.mark.parametrize("real", REALS)
-@pytest.mark.parametrize("family,variant", [(f, v) for f in ("interval", "tnl") for v in VARIANTS])
-def test_script_is_about_the_sums_of_the_reference(family, variant, real):
+@pytest.mark.parametrize("case", CASES)
+def test_script_is_about_the_sums_of_the_reference(case, real):
     """Rounded, the script's sums are those of the numpy step, with ==; exact, both have the same words."""
-    design = stand_in(family, prefix="cart", **VARIANTS[variant])
-    texts = [files(design, real, layout, measure=False)["rounding_cart.g"] for layout in ("literal", "table", "loop")]
+    family, options = CASES[case]
+    design = stand_in(family, **options) if isinstance(options, dict) else varied(family, options)
+    texts = [script_of(design, real, layout) for layout in ("literal", "table", "loop")]
     assert len({re.sub(r"(?m)^#.*", "", text) for text in texts}) == 1
     text, t, rng = texts[0], design.observer.tables[real], np.random.default_rng(1)
     x_lo, x_hi = np.sort(rng.uniform(-t.box, t.box, (2, 1, len(t.box))), axis=0).astype(real)
@@ -198,6 +253,8 @@ def test_script_is_about_the_sums_of_the_reference(family, variant, real):
               for j, v in enumerate(x[0])}
     values |= {f"{s}_u_{j}": v for s in ("in", "s") for j, v in enumerate(u[0])}
     values |= {f"in_y_{j}": v for j, v in enumerate(y_next[0])} | {f"{last}_y_{j}": v for j, v in enumerate(y[0])}
+    theta = between(design, real, rng)
+    values |= varying_values(text, t, theta, x_lo[0], x_hi[0], u[0])
     checked = 0
     uncut = type(t)(**{**vars(t), "clamp": False, "x_lo": t.x_lo * 0 - np.inf, "x_hi": t.x_lo * 0 + np.inf})
     for group in re.findall(r'(?m)^# .*, (lo|hi), mode (.*): margin .*\n(cart_(\w+?)_(?:lo|hi)_(\d+)_\w+) r=$', text):
@@ -206,7 +263,7 @@ def test_script_is_about_the_sums_of_the_reference(family, variant, real):
             if f'"{mode.name}"' not in modes:
                 continue
             at = np.array([q])
-            result = {"forward": propagate(uncut, at, x_lo, x_hi, u, y, zero),
+            result = {"forward": propagate(uncut, at, x_lo, x_hi, u, y, zero, theta[at]),
                       "blind": open_loop(uncut, at, x_lo, x_hi, u),
                       "residual": residuals(uncut, at, x_lo, x_hi, u, y * 0)}[which]
             assert evaluate(text, name, values, np.dtype(real).type) == result[side == "hi"][0, int(i)], name
@@ -215,6 +272,22 @@ def test_script_is_about_the_sums_of_the_reference(family, variant, real):
             checked += 1
     n_modes, n_x, n_y = len(design.plant.modes), len(t.box), len(t.y_lo)
     assert checked == n_modes * 2 * (2 * n_x + n_y)
+
+
+def test_the_mean_of_a_parameter_is_that_of_the_reference():
+    text = script_of(varied("tnl", True), "float32")
+    values = {"s_theta_1": 0.7, "in_theta_1": 1.1}
+    assert evaluate(text, "cart_theta_1", values, np.float32) == (np.float32(0.7) + np.float32(1.1)) * np.float32(0.5)
+    assert "s_theta_0 in" in text and "s_theta" not in script_of(varied("tnl", False), "float32")
+
+
+def test_what_is_taken_for_granted_is_shown(tmp_path):
+    """The magnitude of a coefficient may be no closer to the exact one than the coefficient is shown to be."""
+    text = script_of(varied("tnl", True), "float32")
+    slip = re.search(r"\|size_(\w+) - exact_size_\1\| <= (\S+) ->", text)
+    wrong = text[:slip.start(2)] + scaled(slip[2], 0.5) + text[slip.end(2):]
+    with pytest.raises(ToolError, match=f"takes for granted what it does not state of {slip[1]}"):
+        prove_rounding(put(wrong, tmp_path))
 
 
 def test_a_script_that_states_too_little_is_refused(tmp_path):

@@ -140,6 +140,18 @@ EDITS = [
         'name = "rho-1"',
         ["signals.theta", '"rho-1" cannot stand in an expression', "Rename it"],
     ),
+    # rates, errors of a measurement, bounds of a parameter in one mode
+    ('range = [-20, 20] }', 'range = [-20, 20], rate = 0 }', ["signals.u.force.rate: is 0", "> 0"]),
+    ("-20, 20] }", '-20, 20], rate = "fast" }', ['signals.u.force.rate: is "fast"', "expected a number"]),
+    ('range = [-3, 3] }', 'range = [-3, 3], rate = 1 }', ["signals.x.speed", 'unknown key "rate"']),
+    ("bounds = [0.5, 1] }", "bounds = [0.5, 1], rate = -1 }", ["signals.theta.rho.rate: is -1", "> 0"]),
+    ("bounds = [0.5, 1] }", "bounds = [0.5, 1], error = -0.1 }", ["signals.theta.rho.error: is -0.1", ">= 0"]),
+    ("bounds = [0.5, 1] }", "bounds = [0.5, 1], error = inf }", ["signals.theta.rho.error: is inf", "finite number"]),
+    ("0.5, 1] }", "0.5, 1], measured = false, error = 0.1 }", ["rho.error: is 0.1", "not measured", "Leave it"]),
+    ("0.5, 1] }", '0.5, 1], measured = "no" }', ['signals.theta.rho.measured: is "no"', "true or false"]),
+    (BRAKED_A, BRAKED_A + "\nbounds = { rho = [1, 0.5] }", ["modes.braked.bounds.rho", "wrong way round", "[0.5, 1]"]),
+    (BRAKED_A, BRAKED_A + "\nbounds = { roh = [0.5, 1] }", ["modes.braked.bounds", '"roh"', 'Did you mean "rho"?']),
+    (BRAKED_A, BRAKED_A + "\nbounds = { rho = 1 }", ["modes.braked.bounds.rho", "two numbers", "[lo, hi]"]),
     ("mass = 2.0", "mass = 2.0\nsin = 1.0", ["constants", '"sin" has a meaning', "Rename it"]),
     ("mass = 2.0", 'mass = "heavy"', ["constants.mass", '"heavy"', "expected a number"]),
     # initial box
@@ -213,6 +225,7 @@ EDITS = [
     ("average_dwell = 0.05", "", ["switching.chatter: is 2", "no average_dwell", "Add average_dwell"]),
     ("chatter = 2", "chatter = 0.5", ["switching.chatter: is 0.5", ">= 1"]),
     ("average_dwell = 0.05", "average_dwell = -1", ["switching.average_dwell: is -1", "> 0"]),
+    ("known = true", 'known = true\nlate = "yes"', ['switching.late: is "yes"', "true or false"]),
     ("known = true", 'known = "yes"', ['switching.known: is "yes"', "true or false"]),
     ('method = "tnl-interval"', "method = 3", ["observer.method: is 3", "expected a string", "quotes"]),
     (
@@ -318,7 +331,7 @@ def test_a_missing_matrix_of_the_disturbance_is_named():
 @pytest.mark.parametrize(
     "content, fragments",
     [
-        (None, ["no such file", "gallery: cart", "Correct the path"]),
+        (None, ["no such file", "gallery: buck, cart", "Correct the path"]),
         (b"", ["is empty", "residua init"]),
         (b" \n\n", ["is empty"]),
         (b"\xff\xfe\x00n", ["no UTF-8 text", "byte 0", "Save it as UTF-8"]),

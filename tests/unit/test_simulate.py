@@ -163,9 +163,67 @@ def test_an_unknown_scenario(scenario, fragment):
     assert fragment in str(caught.value)
 
 
-def test_a_continuous_plant_is_not_simulated_yet():
-    with pytest.raises(PlantError, match="continuous plants are not simulated yet"):
-        simulate(loads(LPV.replace('"discrete"', '"continuous"')), 0)
+CONTINUOUS = """
+format = 1
+name = "ramp"
+[time]
+kind = "continuous"
+sample_period = 0.5
+[signals]
+x = [{ name = "a", range = [-99, 99] }]
+u = [{ name = "u", range = [-9, 9] RATE }]
+y = [{ name = "y", range = [-99, 99] }]
+theta = [{ name = "e", bounds = [-2, 2], rate = 4 }]
+[initial]
+x_lo = [1]
+x_hi = [1]
+[[mode]]
+name = "one"
+A = [["e"]]
+B = [[1]]
+C = [[1]]
+[[mode]]
+name = "two"
+A = [["e"]]
+B = [[1]]
+C = [[1]]
+BOUNDS
+[[scenario]]
+name = "run"
+steps = 9
+mode = { every = 3, order = ["one", "two"] }
+u = ["INPUT"]
+theta = ["PATH"]
+"""
+
+
+def continuous(rate="", bounds="", u="0", theta="0"):
+    text = CONTINUOUS.replace("RATE", rate).replace("BOUNDS", bounds).replace("INPUT", u).replace("PATH", theta)
+    return simulate(loads(text), "run")
+
+
+def test_a_continuous_plant_between_its_samples():
+    """Closed forms: x' = e x with e linear in time, x' = u with u held or a ramp."""
+    t = 0.5 * np.arange(9)
+    assert continuous(theta="-1 + 0.5*t").x[:, 0] == pytest.approx(np.exp(-t + 0.25 * t**2), rel=1e-13)
+    steps = np.concatenate([[0], np.cumsum(np.arange(8))])
+    assert continuous(u="k").x[:, 0] == pytest.approx(1 + 0.5 * steps, rel=1e-13)
+    assert continuous(", rate = 1", u="t").x[:, 0] == pytest.approx(1 + t**2 / 2, rel=1e-13)
+
+
+def test_an_input_keeps_to_its_rate():
+    with pytest.raises(PlantError, match=r"u\.u: changes by 1 at sample 1 \(expected at most 0\.5, its rate"):
+        continuous(", rate = 1", u="k")
+
+
+def test_theta_jumps_at_a_switch_only_where_a_mode_has_its_own_bounds():
+    step = "where(k < 3, -1, where(k < 6, 1, -1))"
+    own = continuous(bounds="bounds = { e = [0, 2] }", theta=step)
+    assert own.x[:, 0] == pytest.approx(np.exp([0, -0.5, -1, -1.5, -1, -0.5, 0, -0.5, -1]), rel=1e-13)
+    with pytest.raises(PlantError, match=r"theta\.e: changes by 2 at sample"):
+        continuous(theta=step)
+    with pytest.raises(PlantError, match=r"theta\.e: is -1 at sample"):
+        continuous(bounds="bounds = { e = [0, 2] }", theta="-1")
 
 
 def test_range_violations_name_channel_sample_and_value():
