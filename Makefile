@@ -4,7 +4,7 @@ VENV   ?= .venv
 BIN     = $(VENV)/bin
 OUT    ?= demo
 
-.PHONY: demo test lint generated clean
+.PHONY: demo test lint generated bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/residua run emps -o $(OUT)/emps_tnl-interval
@@ -19,11 +19,16 @@ test: $(VENV)/.tested
 	$(BIN)/python -m pytest -n 2 --dist loadgroup
 
 lint: $(VENV)/.tested
-	$(BIN)/ruff check codegen tests c_tests
+	$(BIN)/ruff check codegen tests c_tests benchmarks
 
 # Design the gallery anew and rewrite generated/; review the diff.
 generated: $(VENV)/.installed
 	$(BIN)/python generated/make.py
+
+# Measure our layouts against other generators; half an hour. Writes benchmarks/RESULTS.md.
+bench: $(VENV)/.tested
+	$(BIN)/pip install -q -e '.[bench]'
+	$(BIN)/python -m benchmarks
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

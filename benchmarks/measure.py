@@ -31,7 +31,8 @@ START = template_root() / "harness" / "board"
 BOARD = BOARDS["m4f"]
 FLAGS = ("-ffp-contract=off", "-ffreestanding", "-ffunction-sections", "-fdata-sections",
          "-fno-asynchronous-unwind-tables", "-w", "-I.")
-LANGUAGE = {".c": ("gcc", ("-std=c99",)),
+#: CasADi's C includes <math.h> and uses nothing of it; a bare cross compiler has none, then an empty one serves.
+LANGUAGE = {".c": ("gcc", ("-std=c99", "-idirafter", "shim")),
             ".cpp": ("g++", ("-std=c++14", "-fno-exceptions", "-fno-rtti", "-fhosted", "-DEIGEN_NO_MALLOC", "-DNDEBUG",
                              "-isystem", "/usr/include/eigen3", "-fno-threadsafe-statics"))}
 PROBES = ("probe_copy", "probe_multiply", "probe_add")
@@ -149,6 +150,8 @@ def measure(case: Case, candidates: dict[str, dict[str, str]], target: str, opti
     t = TARGETS[target]
     texts = {"bench.h": bench_h(case), "samples.h": samples_h(case, (*PROBES, *candidates)),
              "probes.c": (HERE / "harness" / "probes.c").read_text(encoding="ascii")}
+    (scratch / "shim").mkdir(exist_ok=True)
+    (scratch / "shim" / "math.h").touch()
     for name, text in {**texts, **{f: s for files in candidates.values() for f, s in files.items()}}.items():
         (scratch / name).write_text(text, encoding="utf-8")
     objects = {name: [_compile(f, t, optimise, scratch) for f in files if not f.endswith(".h")]

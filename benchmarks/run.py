@@ -1,8 +1,8 @@
 """One command, one run, one table: our layouts against what a user would pick instead.
 
-    python -m benchmarks            measure everything (half an hour on two cores); writes results.csv and RESULTS.md
+    python -m benchmarks            measure everything (half an hour); writes results.csv, whole.csv, RESULTS.md
     python -m benchmarks --quick    a few rows, printed, nothing written
-    python -m benchmarks --table    write RESULTS.md from results.csv again
+    python -m benchmarks --table    write RESULTS.md from the CSV files again
 
 Needs gcc, valgrind, arm-none-eabi-gcc, qemu-system-arm and the package's extra ``bench``; Eigen (Debian: libeigen3-dev,
 on the board also libstdc++-arm-none-eabi-newlib). A rival that is not installed is left out and named.
@@ -16,13 +16,14 @@ import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 
-from . import cases, measure, ours, table
+from . import cases, measure, ours, table, whole
 from .rivals import RIVALS
 
 HERE = Path(__file__).resolve().parent
-RESULTS, TABLE = HERE / "results.csv", HERE / "RESULTS.md"
+RESULTS, WHOLE, TABLE = HERE / "results.csv", HERE / "whole.csv", HERE / "RESULTS.md"
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def settings() -> list[Setting]:
 
 QUICK = (Setting("point", "sparse", 4, 4, "float32", "host", "-O2"),
          Setting("point", "sparse", 6, 1, "float32", "m4f", "-Os"),
-         Setting("interval", "sparse", 4, 4, "float32", "m4f", "-O2"),
+         Setting("interval", "sparse", 4, 4, "float32", "m4f", "-Os"),
          Setting("interval", "sparse", 2, 4, "float64", "m4f", "-Os"))
 
 
@@ -57,6 +58,18 @@ def rivals(target: str) -> tuple[list[str], list[str]]:
     able = [name for name, r in RIVALS.items()
             if measure.present(r) and (not r.HEADER or measure.able(target, r.HEADER))]
     return able, [name for name in RIVALS if name not in able]
+
+
+@cache
+def case_of(observer: str, plant: str, n: int, modes: int, real: str) -> cases.Case:
+    """Return the case of a row."""
+    return cases.make(observer, n, modes, real, plant == "dense")
+
+
+@cache
+def printed(name: str, *key) -> dict[str, str]:
+    """Return a rival's code for the case with the arguments ``key``; printed once for all targets and options."""
+    return RIVALS[name].sources(case_of(*key))
 
 
 def run_one(setting: Setting, names: tuple[str, ...] | None = None) -> list[dict]:
@@ -74,9 +87,10 @@ def run_one(setting: Setting, names: tuple[str, ...] | None = None) -> list[dict
         As the lines of results.csv.
     """
     s = setting
-    case = cases.make(s.observer, s.n, s.modes, s.real, s.plant == "dense")
+    key = (s.observer, s.plant, s.n, s.modes, s.real)
+    case = case_of(*key)
     names = tuple(rivals(s.target)[0]) if names is None else names
-    candidates = ours.sources(case) | {name: RIVALS[name].sources(case) for name in names}
+    candidates = ours.sources(case) | {name: printed(name, *key) for name in names}
     with tempfile.TemporaryDirectory(prefix="residua-") as scratch:
         row = measure.measure(case, candidates, s.target, s.optimise, Path(scratch))
     fastest = min((f.nanoseconds for n, f in row.figures.items() if n in names and f.nanoseconds), default=None)
@@ -100,11 +114,16 @@ def read(path: Path) -> list[dict]:
         return list(csv.DictReader(file))
 
 
+def text() -> str:
+    """Return RESULTS.md: what the two CSV files hold."""
+    return f"{table.render(read(RESULTS))}\n{whole.render(read(WHOLE))}"
+
+
 def main(arguments: list[str]) -> int:
     """Measure, or only print the table; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__.split("\n\n")[0])
     parser.add_argument("--quick", action="store_true", help="a few rows, printed, nothing written")
-    parser.add_argument("--table", action="store_true", help="write RESULTS.md from results.csv, measure nothing")
+    parser.add_argument("--table", action="store_true", help="write RESULTS.md from the CSV files, measure nothing")
     parser.add_argument("--jobs", type=int, default=2)
     chosen = parser.parse_args(arguments)
     if not chosen.table:
@@ -114,13 +133,14 @@ def main(arguments: list[str]) -> int:
         rows = QUICK if chosen.quick else settings()
         with ProcessPoolExecutor(chosen.jobs) as pool:
             records = []
-            for done, found in enumerate(pool.map(run_one, rows), 1):
+            for done, found in enumerate(pool.map(run_one, rows, chunksize=1 if chosen.quick else 4), 1):
                 records += found
                 print(f"{done}/{len(rows)}", end="\r", file=sys.stderr, flush=True)
         if chosen.quick:
             print(table.render([{k: str(v) for k, v in r.items()} for r in records]))
             return 0
         write(records, RESULTS)
-    TABLE.write_text(table.render(read(RESULTS)), encoding="ascii")
+        write(whole.measure(), WHOLE)
+    TABLE.write_text(text(), encoding="ascii")
     print(f"{TABLE} written")
     return 0

@@ -9,7 +9,7 @@ from statistics import median
 
 OURS = ("literal", "table", "loop")
 KEYS = ("observer", "plant", "n", "modes", "real", "target", "optimise")
-#: The rivals that are named beside the goal of 0.7; the others print or are straight-line code without glue.
+#: Rivals other than the printers of straight-line C without any interface (symforce_cpp, sympy_c).
 NAMED = ("casadi_sx", "casadi_mx", "eigen", "loop_fixed", "loop_generic")
 
 

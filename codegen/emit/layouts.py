@@ -73,5 +73,6 @@ def _by_mode(spec: MapSpec, everything: Array, rows: Array, apart: Array) -> Map
         body = straight(replace(spec, tail=()), everything, f"{spec.name}_alike", together)
         straights.insert(0, replace(body, equation=("Rows that all modes calculate alike.",)))
         first = (f"{body.name}({arguments});",)
-    switch = Switch(spec.name, spec.equation, spec.parameters, spec.selector, first, tuple(cases[:-1]), cases[-1])
+    # A mode out of range (a state upset in memory) takes the first mode, in the switch as in every table.
+    switch = Switch(spec.name, spec.equation, spec.parameters, spec.selector, first, tuple(cases[1:]), cases[0])
     return MapView(straights=tuple(straights), switches=(switch,))

@@ -55,7 +55,7 @@ def test_every_kind_of_c_is_proved(family, layout, real, options, tmp_path):
 MUTANTS = {
     "box too small": ("prove_cart.c", r"1000\.0F", "1.5F", 0, "state_is_in_box"),
     "mode guard weakened": ("cart.c", r"in->mode >= CART_MODES", "in->mode > CART_MODES", 1, "initialized|refused"),
-    "gain of 3e38": ("cart.c", r"\(\d\.\d+F \*", "(3e38F *", 1, "is_finite"),
+    "gain of 3e38": ("cart.c", r"\((?:\d\.\d+F|k\[\d+\]) \*", "(3e38F *", 1, "is_finite"),
     "range of y not looked at": ("cart.c", r"!cart_y_accepted\(in\)", "false", 1, "state_is_in_box|initialized"),
     "run has no end": ("cart.c", r"\(s->run \+ 1U\) < 4U", "true", 1, r"s->run"),
     "state written before the check": ("cart.c", r"(cart_status status = cart_check\(in\);)", r"\1 s->run = 0U;", 1,
