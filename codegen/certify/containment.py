@@ -127,7 +127,7 @@ class Containment:
         later = [sup(-sign * product(s.N, r["Dv"]), r["v_lo"], r["v_hi"]) for r in self.exact]
         lack_x, lack_u = self._lack(s, T)
         left_x, left_u = EM.most() + lack_x, EG.most() + lack_u
-        L_most = s.L.most()
+        L_most, L_slip = s.L.most(), s.L.rounding(self.real)
         out = []
         for i in range(len(self.box)):
             need = disturbance[i] + noise[i] + max(row[i] for row in later)
@@ -136,8 +136,8 @@ class Containment:
             G, slip_G = pairs(s.G, i, self.u_max, self.real)
             L, slip_L = pairs(s.L, i, self.y_max, self.real)
             M, slip_M = pairs(s.M, i, self.box, self.real)
-            slip_E = dot(s.E[i], s.L.rounding(self.real)[i])
-            apart, size = radius_terms(s.R[i], s.S[i], L_most[i], s.E[i], self.box, self.u_max, self.real)
+            slip_E = dot(s.E[i], L_slip[i])
+            apart, size = radius_terms(s.R[i], s.S[i], L_most[i] + L_slip[i], s.E[i], self.box, self.u_max, self.real)
             computed = slip_G + slip_L + slip_M + slip_E + apart
             before, after = [*G, *L, *zip(s.N[i], self.y_max)], [*M, (fmpq(1), size)]
             out.append(Demand(need + computed, before, after, computed))

@@ -103,7 +103,7 @@ class ErrorModel:
                     moved = sup(-sign * product(T, r["Bw"]), r["w_lo"], r["w_hi"])
                     noise = [sup(sign * product(gain, r["Dv"]), r["v_lo"], r["v_hi"]) for gain in (L, s.N)]
                     for i, demand in enumerate(exact.update(p, side)):
-                        push = offset[i] + apart[i] + demand.rounding(offset[i], t.real) + moved[i]
+                        push = offset[i] + apart[i] + demand.rounding(offset[i], t.real) + demand.computed + moved[i]
                         push += dot(A[i], exact.box) + dot(B[i], exact.u_true) + noise[0][i] + noise[1][i]
                         push += dot(unknown[0][i], exact.box) + dot(unknown[1][i], exact.u_true)
                         self.push[side][k][i] = max(self.push[side][k][i], push)
@@ -123,7 +123,7 @@ class ErrorModel:
         for side, sign in (("hi", 1), ("lo", -1)):
             offsets = getattr(self.t, "d_" + side)[q]
             for i, demand in enumerate(exact.update(q, side)):
-                out[i] += demand.rounding(sign * Q(offsets[i]), self.t.real)
+                out[i] += demand.rounding(sign * Q(offsets[i]), self.t.real) + demand.computed
         return np.array(out, dtype=object)
 
     def _slack(self, exact, q, p, side, sign, L):

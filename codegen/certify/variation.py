@@ -13,7 +13,7 @@ import numpy as np
 from flint import fmpq
 
 from .exact import Q, product, rational, zeros
-from .rounding import TINY, UNIT, input_error, sum_error
+from .rounding import input_error, sum_error
 
 Array = np.ndarray
 _FIELDS = ("A_theta", "B_theta", "A_unc", "B_unc", "A_rad", "B_rad", "theta_lo", "theta_hi")
@@ -168,9 +168,9 @@ def pairs(coefficients: Affine, i: int, bounds, real: str) -> tuple[list, fmpq]:
 
 
 def radius_terms(R_row, S_row, L_most, E_row, box, u_max, real: str) -> tuple[fmpq, fmpq]:
-    """Rounding error and magnitude of the computed radius of one row."""
+    """Rounding error and magnitude of the computed radius of one row; ``L_most`` bounds the *computed* |L|."""
     terms = [*zip(R_row, box), *zip(S_row, u_max)]
-    terms += [(E, most * (1 + UNIT[real]) + TINY[real]) for E, most in zip(E_row, L_most)]
+    terms += list(zip(E_row, L_most))
     return sum_error(terms, real)
 
 

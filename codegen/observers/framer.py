@@ -156,10 +156,10 @@ class FramerTables:
 
     @property
     def flipped(self) -> Array:
-        """Where M takes the opposite bound: constant negative entries, in tables that allow them; (N, n_x, n_x)."""
+        """Where M takes the opposite bound: negative entries that no mode schedules; (N, n_x, n_x)."""
         if self.vary is None:
             return np.zeros(self.M_hi.shape, dtype=bool)
-        return (self.M_hi < 0) & ~np.any(self.vary.M != 0, axis=1)
+        return (self.M_hi < 0) & ~np.any(self.vary.M != 0, axis=(0, 1))
 
     @property
     def signed(self) -> bool:

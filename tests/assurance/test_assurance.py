@@ -80,7 +80,7 @@ def test_every_claim_of_the_design_is_there(folder, made):
         about_the_c = c["id"] in ("arithmetic", "execution")
         assert all(c["condition"].values()) and set(c["constants"]) <= known and set(c["checks"]) <= set(CHECKS)
         assert about_the_c or (c["plant"] and c["constants"] and all(c["lines"].values()))
-        assert about_the_c or c["margins"] or c["id"].startswith("detection") or c["id"] == "monitor"
+        assert about_the_c or c["margins"] or c["id"].startswith("detection") or c["id"] in ("monitor", "sampling")
         assert all(m["margin"] >= 0 and (m["expected"] == ">= 0" or m["margin"] > 0) for m in c["margins"])
         assert c["checks"]
 
@@ -123,6 +123,10 @@ def test_every_number_of_the_tables_is_there(folder, made):
         stem = name if any(key[0] == name for key in found) else name[0]  # both framers have the same one
         for (q, *index), value in np.ndenumerate(getattr(t, name)):
             assert found[stem, modes[q], *index] == float(value), (name, q, index)
+    for name, label in (() if t.vary is None else (*((k, f"{k}_theta") for k in "MGL"), *((k, k) for k in (
+            "R", "S", "E", "Ra", "Sa", "theta_lo", "theta_hi")))):
+        for (q, *index), value in np.ndenumerate(getattr(t.vary, name)):
+            assert found[label, modes[q], *index] == float(value), (name, q, index)
     for name in ("x_lo", "x_hi", "x0_lo", "x0_hi", "u_lo", "u_hi", "y_lo", "y_hi"):
         for (i,), value in np.ndenumerate(getattr(t, name)):
             assert found[name, "", i] == float(value)
