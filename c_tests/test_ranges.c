@@ -168,6 +168,32 @@ static int framers_are_cut(void)
     return 0;
 }
 
+/* Both framers at one end of every range: the next ones are in order, and move apart by what is largest there. */
+static int framers_at_the_ends(void)
+{
+    for (uint32_t n = 0U; n < (M(MODES) * 2U); n++)
+    {
+        const T(real) *const end = ((n % 2U) != 0U) ? x_hi : x_lo;
+        bench b;
+
+        start(&b);
+        b.in.mode = n / 2U;
+        CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
+        for (uint32_t i = 0U; i < M(NX); i++)
+        {
+            b.s.x_lo[i] = end[i];
+            b.s.x_hi[i] = end[i];
+        }
+        CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
+        CHECK(T(predict)(&b.s, &b.in, &b.out) == M(OK));
+        for (uint32_t i = 0U; (M(BITS) == M(NY)) && (i < M(NX)); i++)
+        {
+            CHECK(b.out.x_lo[i] <= b.out.x_hi[i]);
+        }
+    }
+    return 0;
+}
+
 /* A measurement just on its bound is no fault; one a hair beyond it is. */
 static int edge_of_an_alarm(void)
 {
@@ -250,6 +276,7 @@ int main(void)
     RUN(every_end_of_every_range);
     RUN(init_and_reset_boxes);
     RUN(framers_are_cut);
+    RUN(framers_at_the_ends);
     RUN(edge_of_an_alarm);
     RUN(spoilt_state);
     return 0;

@@ -54,7 +54,8 @@ def plant(p: Plant) -> None:
                                                   (m.stable, m.observable, m.detectable, m.cooperative)))
     out.print(modes)
     s = p.switching
-    out.print("\nswitching: " + ("known at run time" if s.known else "unknown") + (
+    told = "known at run time" + (", perhaps one sample late" if s.late else "")
+    out.print("\nswitching: " + (told if s.known else "unknown") + (
         f", average dwell time {s.average_dwell:g} s, chatter bound {s.chatter:g}" if s.average_dwell
         else ", arbitrary"))
     rows = table("\nmethods", "method", "applies")

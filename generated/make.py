@@ -1,4 +1,4 @@
-"""Rewrite this folder: design the gallery (or, with --print, only print the C of the committed designs)."""
+"""Rewrite this folder: design the gallery, or the plants that are named; with --print only print the C again."""
 
 from __future__ import annotations
 
@@ -15,12 +15,19 @@ HERE = Path(__file__).parent
 #: What is kept of an output folder; the rest is derived from it.
 KEEP = ("design.json", ".h", ".c", ".g", "resources.json")
 DESIGNS = (("cart", "tnl-interval"), ("emps", "tnl-interval"), ("press", "tnl-interval"), ("relay", "tnl-interval"),
-           ("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"))
+           ("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"), ("buck", "tnl-interval-lpv"),
+           ("chevet", "tnl-interval-lpv"), ("lamouchi", "component-interval"), ("motor", "tnl-interval-lpv"),
+           ("zammali_lpv_ct1", "lpv-interval"), ("zammali_lpv_dt", "lpv-interval"))
+#: Plants of the gallery whose firmware would have the shape of another's, with other numbers.
+LIKE_ANOTHER = ("lamouchi_detector", "zammali_lpv_ct2")
 
 
 def main() -> None:
-    """Write every folder."""
+    """Write the folders."""
+    named = [a for a in sys.argv[1:] if a != "--print"]
     for plant, method in DESIGNS:
+        if named and plant not in named:
+            continue
         folder = HERE / f"{plant}_{method}"
         if "--print" in sys.argv:
             made = read_checked(folder)

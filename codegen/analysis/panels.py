@@ -140,7 +140,7 @@ def parameter(axis: Axes, run: Run, j: int) -> None:
     _limits(axis, [value, np.array(own)])
     error = f", measured to within {signal.error:g}" if signal.error else ""
     axis.set_title(f"Parameter {signal.name}{error if signal.measured else ', not measured'}; dashed: its bounds")
-    axis.set_ylabel(_unit(signal.name, signal.unit))
+    axis.set_ylabel(signal.unit or signal.name)
 
 
 def modes(axis: Axes, run: Run) -> None:

@@ -72,7 +72,7 @@ def _between(periods: Array, i: int) -> float:
 
 
 def _decades(shares: Array) -> tuple[float, float]:
-    """Limits that hold all values and at least two powers of ten, so that they can be read."""
+    """Limits that hold all values, from one power of ten to another, so that they can be read."""
     known = shares[np.isfinite(shares)]
     least, most = (known.min(), known.max()) if len(known) else (1.0, 1.0)
     lo, hi = np.floor(np.log10(least / 1.1)), np.ceil(np.log10(most * 1.1))

@@ -73,7 +73,10 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
     try:
         for spec in _maps(design.observer.family, t, names, d):
             for q, mode in enumerate(names.modes):
-                (read_varying if isinstance(spec, Varying) else _read_map)(source, spec, q, mode, found)
+                if isinstance(spec, Varying):
+                    read_varying(source, spec, t, q, mode, found)
+                else:
+                    _read_map(source, spec, q, mode, found)
         _read_ranges(source, d, names.modes, t, found)
         _read_dwell(source, d.prefix, design.observer.supervision, found)
     except (LookupError, TypeError, ValueError, AttributeError) as error:  # an index out of range, a name unknown ...

@@ -2,7 +2,8 @@
 
 Such a map computes its coefficients (``M_0_1 = base + slope * th_0``) and what moves both bounds apart
 (``apart_0 = R * m_0 + S * a_0 + E * |L_0_0|``). Every local number is read as a sum of its own, the local operands
-th, m and a must be what their names say, and a row may hold nothing else.
+th, m and a must be what their names say, and a row may hold nothing else. A magnitude may be written without comparison
+where the tables let the sign be only one.
 """
 
 from __future__ import annotations
@@ -18,13 +19,15 @@ from .symbolic import NOWHERE, Affine, Machine, plain
 SIDES = ("lo", "hi")
 
 
-def read_varying(source: Source, v: Varying, q: int, mode: str, found) -> None:
+def read_varying(source: Source, v: Varying, t, q: int, mode: str, found) -> None:
     """Execute a map in one mode and compare everything that it is made of with the tables.
 
     Parameters
     ----------
     source : Source
     v : Varying
+    t : FramerTables
+        Of which ``v`` was made.
     q : int
     mode : str
         Its name.
@@ -40,7 +43,7 @@ def read_varying(source: Source, v: Varying, q: int, mode: str, found) -> None:
     machine = Machine(source, spec.names.real, {"in->mode": q, "s->mode": q}, named=True,
                       skip=frozenset({f"{spec.names.prefix}_cut"}))
     machine.call(spec.name)
-    reader = _Reader(source, v, q, mode, found, machine)
+    reader = _Reader(source, v, t, q, mode, found, machine)
     reader.operands()
     for side in SIDES:
         for i in range(len(spec.rows)):
@@ -51,8 +54,8 @@ def read_varying(source: Source, v: Varying, q: int, mode: str, found) -> None:
 class _Reader:
     """One map in one mode; ``used`` are the locals that some row asked for."""
 
-    def __init__(self, source: Source, v: Varying, q: int, mode: str, found, machine: Machine):
-        self.source, self.v, self.q, self.mode, self.found = source, v, q, mode, found
+    def __init__(self, source: Source, v: Varying, t, q: int, mode: str, found, machine: Machine):
+        self.source, self.v, self.t, self.q, self.mode, self.found = source, v, t, q, mode, found
         self.machine, self.defined, self.used = machine, machine.defined, set()
 
     def add(self, name: str, index: tuple[int, ...], expected, c) -> None:
@@ -66,18 +69,20 @@ class _Reader:
 
     def operands(self) -> None:
         """Check the parameters of the step and the magnitudes of state and input."""
-        v, (lo, hi) = self.v, (f"{self.v.spec.state.operand}_{s}" for s in SIDES)
-        wanted = {f"m_{j}": f"max(- {lo}[{j}], + {hi}[{j}])" for j in range(v.R.shape[2])}
-        wanted |= {f"a_{j}": f"|+ {v.inputs}[{j}]|" for j in range(v.S.shape[2])}
+        v, t, (lo, hi) = self.v, self.t, (f"{self.v.spec.state.operand}_{s}" for s in SIDES)
+        allowed = {f"m_{j}": [{f"max(- {lo}[{j}], + {hi}[{j}])": 1}, *[{f"{hi}[{j}]": 1}] * bool(t.x_lo[j] >= 0),
+                              *[{f"{lo}[{j}]": -1}] * bool(t.x_hi[j] <= 0)] for j in range(v.R.shape[2])}
+        allowed |= {f"a_{j}": [{f"|+ {v.inputs}[{j}]|": 1}, *[{f"{v.inputs}[{j}]": 1}] * bool(t.u_lo[j] >= 0),
+                               *[{f"{v.inputs}[{j}]": -1}] * bool(t.u_hi[j] <= 0)] for j in range(v.S.shape[2])}
         for j, text in enumerate(v.theta):
             _, mean, sum_of = text.rpartition(" * ")
-            wanted[f"th_{j}"] = f"+ {sum_of.strip('()')}" if mean else text
-            if mean and (c := self.defined.get(f"th_{j}", {}).get(wanted[f"th_{j}"])):
+            operand = f"+ {sum_of.strip('()')}" if mean else text
+            allowed[f"th_{j}"] = [{operand: Fraction(1, 2) if mean else 1}]
+            if mean and (c := self.defined.get(f"th_{j}", {}).get(operand)):
                 self.add("theta_weight", (j,), 0.5, c)
-        for name in self.defined.keys() & wanted.keys():
+        for name in self.defined.keys() & allowed.keys():
             self.used.add(name)
-            once = Fraction(1, 2) if wanted[name].startswith("+ ") else Fraction(1)
-            if plain(self.defined[name]) != {wanted[name]: once}:
+            if plain(self.defined[name]) not in allowed[name]:
                 self.refuse(f"{name} is {self.text(name)}")
 
     def row(self, side: str, i: int) -> None:
@@ -116,8 +121,20 @@ class _Reader:
             for j in range(values.shape[2]):
                 self.add(name, (i, j), values[self.q, i, j], apart.pop(f"{local}_{j}", NOWHERE))
         for j in range(v.E.shape[2]):
-            self.add("E", (i, j), v.E[self.q, i, j], apart.pop(f"|+ L_{i}_{j}|", NOWHERE))
+            lo, hi = self.gain_range(i, j)
+            allowed = [f"|+ L_{i}_{j}|", *[f"L_{i}_{j}"] * (lo >= 0), *[f"- L_{i}_{j}"] * (hi <= 0)]
+            written = next((operand for operand in allowed if operand in apart), "")
+            self.add("E", (i, j), v.E[self.q, i, j], apart.pop(written, NOWHERE))
         self.empty(apart, f"apart_{i}")
+
+    def gain_range(self, i: int, j: int) -> tuple[Fraction, Fraction]:
+        """Exact range of L(theta) in this mode."""
+        lo = hi = Fraction(float(self.t.L_hi[self.q, i, j]))
+        for p in range(self.t.vary.parameters):
+            slope = Fraction(float(self.t.vary.L[self.q, p, i, j]))
+            ends = [slope * Fraction(float(b[self.q, p])) for b in (self.t.vary.theta_lo, self.t.vary.theta_hi)]
+            lo, hi = lo + min(ends), hi + max(ends)
+        return lo, hi
 
     def part(self, row: Affine, name: str, sign: int, times: str = "") -> Affine:
         """Take a local (times an operand) out of a sum; return the sum that it stands for, empty without one."""

@@ -231,7 +231,7 @@ class Machine:
             self.compared.append((_symbol(left), node.op, right[""]))
             return True
         if node.op == "*":
-            if self.named and (set(left) != {""} or len(right) > 1):
+            if self.named and (set(left) != {""} or list(plain(right).values()) != [1]):
                 return self._product(left, right, node)
             (factor,) = left.values() if set(left) == {""} else self._refuse(node)
             return {_symbol(right): factor}

@@ -111,8 +111,25 @@ def _varying(family: str, t, forward: MapSpec, blind: MapSpec, inputs: str) -> t
                                      "R max(-x_lo, x_hi) + S |u|",
                                      "x_lo+ = pos(A) x_lo - neg(A) x_hi + B u + a_lo - radius, both cut to the range "
                                      "of x, for every theta within its bounds"))
-    return (Varying(forward, theta, {"M": vary.M, "G": vary.G, "L": vary.L}, t.flipped, vary.R, vary.S, vary.E, inputs),
-            Varying(blind, (), {}, None, vary.Ra, vary.Sa, np.zeros_like(vary.E[:, :, :0]), inputs))
+    signs = {"x_sign": _signs(t.x_lo, t.x_hi), "u_sign": _signs(t.u_lo, t.u_hi)}
+    return (Varying(forward, theta, {"M": vary.M, "G": vary.G, "L": vary.L}, t.flipped, vary.R, vary.S, vary.E, inputs,
+                    _gain_signs(t), **signs),
+            Varying(blind, (), {}, None, vary.Ra, vary.Sa, np.zeros_like(vary.E[:, :, :0]), inputs,
+                    np.zeros_like(vary.E[:, :, :0]), **signs))
+
+
+def _signs(lo: Array, hi: Array) -> Array:
+    """1 where a range has no negative number, -1 where it has no positive one, else 0."""
+    return np.where(lo >= 0, 1, np.where(hi <= 0, -1, 0))
+
+
+def _gain_signs(t) -> Array:
+    """Signs of L(theta) over the bounds of theta, 0 where it comes near zero; (N, n_x, n_y)."""
+    lo, hi = (b.astype(float)[:, :, None, None] for b in (t.vary.theta_lo, t.vary.theta_hi))
+    slopes, base = t.vary.L.astype(float), t.L_hi.astype(float)
+    ends = np.minimum(lo * slopes, hi * slopes).sum(axis=1), np.maximum(lo * slopes, hi * slopes).sum(axis=1)
+    room = 1e-4 * (np.abs(base) + (np.maximum(np.abs(lo), np.abs(hi)) * np.abs(slopes)).sum(axis=1))
+    return np.where(base + ends[0] > room, 1, np.where(base + ends[1] < -room, -1, 0))
 
 
 def _inputs(names: Names, *parts) -> tuple[Linear, ...]:

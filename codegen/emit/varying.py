@@ -44,6 +44,9 @@ class Varying:
         Radii of the state, the input, and the noise through the gain named "L".
     inputs : str
         C array of u.
+    L_sign, x_sign, u_sign : ndarray (N, rows, n_y), (n_x,), (n_u,)
+        1 or -1 where L, x or u keep that sign over the bounds of theta or their ranges, so that a magnitude needs no
+        comparison; else 0.
     """
 
     spec: MapSpec
@@ -54,6 +57,9 @@ class Varying:
     S: Array
     E: Array
     inputs: str
+    L_sign: Array
+    x_sign: Array
+    u_sign: Array
 
 
 def lay_out_varying(v: Varying, layout: str) -> MapView:
@@ -134,10 +140,16 @@ class Printer:
                 self.used |= {f"{local}_{j}"} if found else set()
                 terms += found
         for j in range(v.E.shape[2]):
-            size = f"L_{i}_{j}"
-            magnitude = f"(({size} < {literal(0.0, self.real)}) ? -{size} : {size})"
+            magnitude = f"({self.magnitude(f'L_{i}_{j}', v.L_sign[self.modes][:, i, j])})"
             terms += self.columns.terms(f"E[{i}][{j}]", v.E[self.modes][:, i, j], magnitude, self.real)
         return terms
+
+
+    def magnitude(self, name: str, signs: Array) -> str:
+        """Print |name|; without a comparison where its sign is known in all modes."""
+        if np.all(signs == 1):
+            return name
+        return f"-{name}" if np.all(signs == -1) else f"({name} < {literal(0.0, self.real)}) ? -{name} : {name}"
 
 
 def body(v: Varying, modes: Array, name: str) -> Straight:
@@ -185,10 +197,11 @@ def _row(p: Printer, i: int) -> list[Statement]:
 
 def _locals(p: Printer) -> tuple[Statement, ...]:
     """Declare the parameters and magnitudes that the rows use."""
-    spec, real, zero = p.v.spec, p.v.spec.names.real_type, literal(0.0, p.real)
+    spec, real = p.v.spec, p.v.spec.names.real_type
     lo, hi = bounds(spec, "lo")
-    u = p.v.inputs
     texts = {f"th_{j}": text for j, text in enumerate(p.v.theta)}
-    texts |= {f"m_{j}": f"(-{lo}[{j}] > {hi}[{j}]) ? -{lo}[{j}] : {hi}[{j}]" for j in range(p.v.R.shape[2])}
-    texts |= {f"a_{j}": f"({u}[{j}] < {zero}) ? -{u}[{j}] : {u}[{j}]" for j in range(p.v.S.shape[2])}
+    for j, sign in enumerate(p.v.x_sign):
+        texts[f"m_{j}"] = {1: f"{hi}[{j}]", -1: f"-{lo}[{j}]",
+                           0: f"(-{lo}[{j}] > {hi}[{j}]) ? -{lo}[{j}] : {hi}[{j}]"}[int(sign)]
+    texts |= {f"a_{j}": p.magnitude(f"{p.v.inputs}[{j}]", sign) for j, sign in enumerate(p.v.u_sign)}
     return tuple(Statement(f"const {real} {name}", (text,)) for name, text in texts.items() if name in p.used)

@@ -232,7 +232,8 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         dwell=(Dwell(f"{s.dwell_add}U", f"{s.dwell_drain}U", f"{s.dwell_limit}U"),) if s.monitors_dwell else (),
         remember=("s->mode = in->mode;",) if fields.has_mode else (),
         assured=_truth(["(!fault)", *quiet]), assured_blind=_truth(quiet),
-        late=_late(names.prefix) if late else (), move=_move(names.prefix, late), last_items=_last_items(names, bool(theta)),
+        late=_late(names.prefix) if late else (), move=_move(names.prefix, late),
+        last_items=_last_items(names, bool(theta)),
         last_status=f"{names.macro}_BAD_{'PARAMETER' if theta else 'OUTPUT'}",
         last_refusal=f"{names.macro}_BAD_{'PARAMETER' if theta else 'INPUT'}")
 

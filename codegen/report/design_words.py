@@ -154,8 +154,8 @@ def _bounds(design, real: str) -> tuple[Table, ...]:
 
 def _assumed(design, real: str) -> tuple[str, ...]:
     plant, tables = design.plant, design.observer.tables[real]
-    items = ["The plant is the one of the plant file, with no fault acting; the mode given to the firmware is the true "
-             "one.",
+    told = "that of the sample or of the one before" if plant.switching.late else "the true one"
+    items = [f"The plant is the one of the plant file, with no fault acting; the mode given to the firmware is {told}.",
              f"There is one call of step or predict every {words.seconds(plant.sample_period)}.",
              "At init the state is in its initial box; at all times it is in its declared range. The range "
              + ("cuts the bounds at every call." if tables.clamp else

@@ -100,8 +100,6 @@ def assumed(plant: Plant) -> tuple[str, ...]:
         items.append(f"The parameter {s.name} is in {where}, {speed}, and {known}.")
     if plant.kind == "continuous":
         items.append(f"Between samples: {between(plant)}.")
-    if plant.switching.late:
-        items.append("The mode told is that of the sample or of the one before; no other.")
     return tuple(items)
 
 

@@ -1,4 +1,4 @@
-"""The independent checker of plants with parameters: its enclosure holds the truth, it proves designs, refuses false ones.
+"""The independent checker of plants with parameters: its enclosure holds the truth, false designs are refused.
 
 Truth here: the plant integrated by matrix exponentials over pieces with constant parameters and disturbances.
 """
@@ -70,6 +70,12 @@ def test_proves_every_kind_of_design(name, made):
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("proved for float") == 2 and "constants of" in done.stdout
     assert ("of the continuous plant" in done.stdout) == (name not in ("discrete", "signed"))
+
+
+def test_the_command_that_the_assurance_file_names_runs(made):
+    done = subprocess.run([sys.executable, "-m", "codegen.certify.independent", str(made("held"))], check=False,
+                          cwd=CERTIFY.parents[1], capture_output=True, text=True)
+    assert done.returncode == 0 and done.stdout.count("proved for float") == 2, done.stderr
 
 
 def scaled(*path, factor):
@@ -256,8 +262,8 @@ def test_what_the_enclosure_forgets_shows(name, old, new, moved, step_module):
     modes, _, signals, h, _ = step_module.read_plant(HEATER)
     assert HEATER.count(old) == 1
     (mode, *_), _, other, _, _ = step_module.read_plant(HEATER.replace(old, new))
-    rng, inside, F = np.random.default_rng(5), Enclosure(step_module.transition(mode, other, h, False)), matrices(modes[0])
-    used = []
+    inside, F = Enclosure(step_module.transition(mode, other, h, False)), matrices(modes[0])
+    rng, used = np.random.default_rng(5), []
     for _ in range(80):
         x, u = rng.choice([-20, 20], 2) * moved, rng.choice([-5, 5], 2) * moved
         end, ends = truth(rng, modes[0], signals, F, float(h), x, u, np.array([2.0, 0.0]))

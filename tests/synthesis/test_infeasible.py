@@ -76,7 +76,7 @@ CASES = {
     "continuous": (
         GOOD.replace('kind = "discrete"', 'kind = "continuous"'), "interval", {},
         'base: method "interval" does not apply: the plant is continuous, expected discrete. '
-        'Discretise it (time.kind = "discrete").'),
+        'Use method "tnl-interval-lpv" or "lpv-interval".'),
     "no range": (
         GOOD.replace(", range = [-30, 30]", ""), "interval", {},
         'base: method "interval" does not apply: signals.y "y" has no range, expected range = [lo, '
@@ -95,11 +95,12 @@ CASES = {
         'the new input. Use method "interval".'),
     "unknown method": (
         GOOD, "zonotope", {},
-        'base: observer.method is "zonotope", expected one of interval, tnl-interval.'),
+        'base: observer.method is "zonotope", expected one of interval, tnl-interval, lpv-interval, '
+        "tnl-interval-lpv, component-interval."),
     "unknown option": (
         GOOD, "interval", {"lamda": 0.5},
         "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, "
-        "lambda, contraction, gain_cap, evaluations, within, gains). Remove it or correct its name."),
+        "lambda, contraction, sampling, gain_cap, evaluations, within, gains). Remove it or correct its name."),
     "criterion": (
         GOOD, "interval", {"criterion": "best"},
         "base: observer.criterion is 'best', "

@@ -21,8 +21,8 @@ from codegen.certify.error_model import ErrorModel
 from codegen.certify.freeze import freeze
 from codegen.errors import CertificateError
 from codegen.observers import FramerTables
-from codegen.plant.uncertain import is_uncertain
 from codegen.plant.load import gallery_names, load
+from codegen.plant.uncertain import is_uncertain
 from codegen.select import both_sides, limits
 from codegen.synthesis import METHODS, linf, width
 from codegen.synthesis.problem import Problem

@@ -17,7 +17,7 @@ from codegen.analysis import panels, plots  # noqa: E402
 from codegen.periods import FACTORS, PeriodPoint  # noqa: E402
 from codegen.pipeline import period_curve  # noqa: E402
 from codegen.plant.load import loads  # noqa: E402
-from codegen.report import design_words, parameter_words, period_words, words  # noqa: E402
+from codegen.report import design_words, parameter_words, period_words, plant_words, words  # noqa: E402
 from codegen.report.page import view, write_report  # noqa: E402
 
 
@@ -66,7 +66,8 @@ def test_parameters_are_listed_with_all_that_is_known(heater):
 def test_sampling_and_assumptions_are_stated(heater, page):
     text = text_of(page)
     for part in ("20 ms (continuous time)", "“exponential”: the whole series", "inlet is held; power moves by",
-                 "at most 2 W/s; the mode changes at samples only", "within their bounds and rates", "the measurement at its start",
+                 "at most 2 W/s; the mode changes at samples only", "within their bounds and rates",
+                 "the measurement at its start",
                  "x′ = A x + B u", "A and B are affine in the parameters theta",
                  "The parameter loss is in [0.1, 0.3] 1/s, may jump, and is not measured.",
                  "[0.5, 0.8] kg/s in mode “shut”, changes by at most 0.5 kg/s/s, and is measured to within 0.02 kg/s.",
@@ -88,8 +89,6 @@ def test_words_follow_the_plant():
     assert any("measured without error" in item for item in parameter_words.assumed(one))
     euler = replace(both, options={"sampling": "euler"})
     assert "“euler”: the Euler step" in parameter_words.sampling_facts(euler)[0].text
-    late = replace(both, switching=replace(both.switching, late=True))
-    assert any("one before" in item for item in parameter_words.assumed(late))
     plain_plant = replace(both, kind="discrete", theta=(), modes=tuple(replace(m, theta_terms={}) for m in both.modes))
     for say in (parameter_words.sampling_facts, parameter_words.assumed, parameter_words.not_guaranteed,
                 parameter_words.parameter_tables):
@@ -200,6 +199,14 @@ def test_entries_of_either_sign_are_told():
         method = {f.term: f.text for f in design_words.words_of(design, "float32").facts}["Method"]
         assert "radii for what is only bounded" in method and "affine" not in method
         assert ("on the bound that its sign asks for" in method) is design.observer.tables["float32"].signed is signed
+
+
+def test_a_mode_that_is_told_late_is_told(heater):
+    late = replace(heater, plant=replace(heater.plant, switching=replace(heater.plant.switching, late=True)))
+    for design, is_late in ((heater, False), (late, True)):
+        first = design_words.words_of(design, "float32").assumed[0]
+        assert ("that of the sample or of the one before" in first) is is_late is not ("is the true one" in first)
+        assert ("perhaps that of the sample before" in plant_words.switching(design.plant)) is is_late
 
 
 def test_the_curve_keeps_to_the_gains_of_the_design(heater):
