@@ -8,6 +8,7 @@ where the tables let the sign be only one.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 from ..emit.maps import Linear
@@ -122,7 +123,10 @@ class _Reader:
                 self.add(name, (i, j), values[self.q, i, j], apart.pop(f"{local}_{j}", NOWHERE))
         for j in range(v.E.shape[2]):
             lo, hi = self.gain_range(i, j)
-            allowed = [f"|+ L_{i}_{j}|", *[f"L_{i}_{j}"] * (lo >= 0), *[f"- L_{i}_{j}"] * (hi <= 0)]
+            gain = f"L_{i}_{j}"
+            if hi <= 0 and gain in apart:  # with the factor 1: no product
+                apart[f"- {gain}"] = replace(apart[gain], value=-apart.pop(gain).value)
+            allowed = [f"|+ {gain}|", *[gain] * (lo >= 0), *[f"- {gain}"] * (hi <= 0)]
             written = next((operand for operand in allowed if operand in apart), "")
             self.add("E", (i, j), v.E[self.q, i, j], apart.pop(written, NOWHERE))
         self.empty(apart, f"apart_{i}")

@@ -2,8 +2,9 @@
 
 The run visits every mode and has samples within bounds, samples at the ends of the measurement ranges
 (faults), missing measurements, a quiet stretch in which the guarantee returns, and then in each mode a missing
-measurement between two good ones, so that each coefficient of each map matters to some number. It need not be a
-possible run of the plant: its purpose is to notice a compiler, an option or a machine that calculates
+measurement between two good ones, so that each coefficient of each map matters to some number. Where radii follow the
+magnitude of x the tail also puts one bound of all framers to the end of the range first, so that either bound is the
+larger one. It need not be a possible run of the plant: its purpose is to notice a compiler, an option or a machine that calculates
 differently.
 """
 
@@ -27,7 +28,8 @@ class Vector:
     """One sample: inputs, what is called, and what the reference answered; all printed.
 
     ``inputs`` holds one initialiser or none, ``read`` those of y and, where there are some, of theta; ``call`` is 0
-    for predict, 1 for step, 2 for reset and then step.
+    for predict, 1 for step, 2 for reset and then step; 3 and 4 for step, 5 and 6 for predict after the lower (3, 5) or
+    upper (4, 6) bounds have been put to the ends of the ranges.
     """
 
     inputs: tuple[str, ...]
@@ -44,19 +46,43 @@ class Vector:
     assured: int
 
 
-def steps_of(n_modes: int) -> int:
+#: The tail, per mode: is the sample measured, and which bound is put to the end of its range before (1 lower, 2 upper)?
+TAIL = ((True, 0), (False, 0), (True, 0))
+WIDE_TAIL = (*TAIL, (True, 1), (True, 0), (False, 1), (True, 2), (True, 0), (False, 2))
+
+
+def tail(t) -> tuple[tuple[bool, int], ...]:
+    """Return the samples of the tail in one mode."""
+    return TAIL if t.vary is None else WIDE_TAIL
+
+
+def steps_of(t) -> int:
     """Length of the run: each mode twice, switching at each sample, 28 samples of slow switching, the tail."""
-    return tail_of(n_modes) + 3 * n_modes
+    return tail_of(len(t.A)) + len(tail(t)) * len(t.A)
 
 
 def tail_of(n_modes: int) -> int:
-    """First sample of the tail: each mode for three samples, the middle one without measurement."""
+    """First sample of the tail: each mode for some samples, some of them without measurement."""
     return 2 * n_modes + 36
 
 
-def is_missing(k: int, n_modes: int) -> bool:
+def is_missing(k: int, t) -> bool:
     """Whether sample k has no measurement."""
-    return k in MISSING or (k >= tail_of(n_modes) and (k - tail_of(n_modes)) % 3 == 1)
+    after = k - tail_of(len(t.A))
+    return k in MISSING or (after >= 0 and not tail(t)[after % len(tail(t))][0])
+
+
+def widened(k: int, t) -> int:
+    """Which bounds are put to the ends of the ranges before sample k: 0 none, 1 the lower, 2 the upper ones."""
+    after = k - tail_of(len(t.A))
+    return tail(t)[after % len(tail(t))][1] if after >= 0 else 0
+
+
+def widen(observer, t, which: int) -> None:
+    """Put the lower (1) or upper (2) bounds to the ends of the ranges."""
+    if which:
+        name, end = ("lo", t.x_lo) if which == 1 else ("hi", t.x_hi)
+        setattr(observer, name, np.broadcast_to(end, observer.lo.shape).astype(t.dtype))
 
 
 def stimulus(observer, t) -> tuple[Array, Array, Array, Array]:
@@ -67,24 +93,25 @@ def stimulus(observer, t) -> tuple[Array, Array, Array, Array]:
         drawn = [a + (b - a) * draw.random() for a, b in zip(lo.astype(float), hi.astype(float))]
         return np.clip(np.array(drawn, dtype=t.dtype), lo, hi)
 
-    steps, tail = steps_of(n_modes), tail_of(n_modes)
+    steps, last = steps_of(t), tail_of(n_modes)
     u, y, q = np.zeros((steps, len(t.u_lo)), t.dtype), np.zeros((steps, len(t.y_lo)), t.dtype), np.zeros(steps, int)
     theta = np.zeros((steps, 0 if t.vary is None else t.vary.parameters), t.dtype)
     observer = copy(observer)
     observer.start(t, 1)
     for k in range(steps):
-        q[k] = k // 2 if k < 2 * n_modes else draw.randrange(n_modes) if k < tail - 28 or k % 6 == 0 else q[k - 1]
-        q[k] = (k - tail) // 3 if k >= tail else q[k]
+        q[k] = k // 2 if k < 2 * n_modes else draw.randrange(n_modes) if k < last - 28 or k % 6 == 0 else q[k - 1]
+        q[k] = (k - last) // len(tail(t)) if k >= last else q[k]
         u[k] = between(t.u_lo, t.u_hi)
         if theta.shape[1]:
             theta[k] = between(t.vary.theta_lo[q[k]], t.vary.theta_hi[q[k]])
         if k in RESETS:
             observer.reset(t, np.array([True]))
+        widen(observer, t, widened(k, t))
         y[k] = _within_bounds(observer, t, u[k], q[k], theta[k], between(t.y_lo, t.y_hi))
         if k in FAULTS:
             y[k] = np.where([draw.random() < 0.5 for _ in y[k]], t.y_lo, t.y_hi)
-        _sample(observer, t, u[k], y[k], q[k], theta[k], not is_missing(k, n_modes))
-        y[k] = np.nan if is_missing(k, n_modes) else y[k]
+        _sample(observer, t, u[k], y[k], q[k], theta[k], not is_missing(k, t))
+        y[k] = np.nan if is_missing(k, t) else y[k]
     return u, y, q, theta
 
 
@@ -146,11 +173,18 @@ def vectors(design, real: str) -> tuple[Vector, ...]:
     r_lo, r_hi = (np.where(measured[:, None], a, 0).astype(y.dtype) for a in (trace.r_lo, trace.r_hi))
     return tuple(Vector((initialiser(u[k], real),) if u.shape[1] else (),
                         (initialiser(y[k], real), *([initialiser(theta[k], real)] * bool(theta.shape[1]))), int(q[k]),
-                        2 if k in RESETS else int(measured[k]),
+                        _call(k, design.observer.tables[real], bool(measured[k])),
                         initialiser(trace.x_lo[k], real), initialiser(trace.x_hi[k], real),
                         initialiser(r_lo[k], real), initialiser(r_hi[k], real), int(trace.raw_bits[k]),
                         int(trace.alarm_bits[k]), int(trace.latched_bits[k]), int(trace.assured[k]))
                  for k in range(len(q)))
+
+
+def _call(k: int, t, measured: bool) -> int:
+    """Number of what is called at sample k."""
+    if widened(k, t):
+        return widened(k, t) + (2 if measured else 4)
+    return 2 if k in RESETS else int(measured)
 
 
 def _answers(observer, t, u: Array, y: Array, q: Array, theta: Array, measured: Array) -> Trace:
@@ -160,6 +194,7 @@ def _answers(observer, t, u: Array, y: Array, q: Array, theta: Array, measured: 
     for k in range(len(q)):
         if k in RESETS:
             observer.reset(t, np.array([True]))
+        widen(observer, t, widened(k, t))
         sample = _sample(observer, t, u[k], y[k], q[k], theta[k], measured[k])
         for name in trace.__dataclass_fields__:
             getattr(trace, name)[k] = getattr(sample, name)[0]

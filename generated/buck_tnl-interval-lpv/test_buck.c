@@ -11,7 +11,7 @@
  * On the host:    gcc -std=c99 -ffp-contract=off buck.c test_buck.c && ./a.out
  * On the target:  compile with -DBUCK_NO_MAIN and call buck_self_test() once at start-up.
  *
- * It compares 46 samples with the numpy reference, every number with every bit that counts, and tries
+ * It compares 58 samples with the numpy reference, every number with every bit that counts, and tries
  * that a refused call changes nothing. The answer is 0, or the number of the first sample that differs;
  * 1001 and above: a refused call. Needs nothing but <stdint.h>.
  */
@@ -23,7 +23,7 @@ typedef struct {
     buck_real u[BUCK_NU];
     buck_real y[BUCK_NY];
     uint32_t mode;
-    uint32_t call; /* 0: predict; 1: step; 2: reset and step */
+    uint32_t call; /* 0: predict; 1: step; 2: reset and step; 3, 4: widen and step; 5, 6: widen and predict */
     buck_real x_lo[BUCK_NX];
     buck_real x_hi[BUCK_NX];
     buck_real r_lo[BUCK_NY];
@@ -64,6 +64,19 @@ static void fill(buck_in *in, const golden *g)
     in->mode = g->mode;
 }
 
+/* Put the lower (odd calls) or the upper bounds to the ends of the ranges of x. */
+static void widen(buck_state *s, uint32_t call)
+{
+    buck_state whole;
+
+    buck_reset(&whole);
+    for (uint32_t i = 0U; i < BUCK_NX; i++)
+    {
+        s->x_lo[i] = ((call % 2U) != 0U) ? whole.x_lo[i] : s->x_lo[i];
+        s->x_hi[i] = ((call % 2U) != 0U) ? s->x_hi[i] : whole.x_hi[i];
+    }
+}
+
 /* Bytes of a struct as a number that changes with each of them (FNV-1a). */
 static uint32_t mark(const void *object, uint32_t size)
 {
@@ -94,7 +107,7 @@ static int changes(buck_state *s, const buck_in *in, buck_out *out, buck_status 
 
 int buck_self_test(void)
 {
-    static const golden vectors[46] = {
+    static const golden vectors[58] = {
         { { 92.68729F }, { 0.020000458F, 0.069999695F }, 0U, 1U,
           { -0.1F, -0.5F }, { 0.1F, 0.5F },
           { -0.22000763F, -0.7700182F }, { 0.18000671F, 0.63001883F },
@@ -267,17 +280,65 @@ int buck_self_test(void)
           { 1.8572557F, 68.70315F }, { 2.171753F, 69.24674F },
           { -0.28298128F, -0.5189972F }, { 0.23153019F, 0.42463684F },
           0U, 0U, 0U, 1U },
-        { { 109.53477F }, { 2.4969766F, 69.08059F }, 1U, 1U,
-          { 2.3571184F, 68.81649F }, { 2.5932095F, 69.26031F },
-          { -0.2398653F, -0.46411896F }, { 0.19623995F, 0.37973785F },
+        { { 109.53477F }, { 2.4969766F, 69.0806F }, 0U, 3U,
+          { 2.3571184F, 68.81643F }, { 2.5932095F, 69.26037F },
+          { -0.2398653F, -0.46418762F }, { 0.19623995F, 0.37979126F },
           0U, 0U, 0U, 1U },
-        { { 109.51107F }, { 0.0F, 0.0F }, 1U, 0U,
-          { 0.9065604F, 68.792435F }, { 1.142519F, 69.285164F },
+        { { 109.51107F }, { 3.2162013F, 69.151566F }, 0U, 1U,
+          { 3.0763507F, 68.88745F }, { 3.3124418F, 69.33128F },
+          { -0.23985767F, -0.46413422F }, { 0.19624758F, 0.37973785F },
+          0U, 0U, 0U, 1U },
+        { { 90.70652F }, { 0.0F, 0.0F }, 0U, 5U,
+          { -18.443657F, -10.0F }, { 5.5447555F, 69.39448F },
           { 0.0F, 0.0F }, { 0.0F, 0.0F },
           0U, 0U, 0U, 1U },
-        { { 90.70652F }, { -0.34706727F, 69.056046F }, 1U, 1U,
-          { -0.487307F, 68.73816F }, { -0.25051713F, 69.27976F },
-          { -0.24024692F, -0.5179062F }, { 0.1965573F, 0.42373657F },
+        { { 100.12618F }, { 19.182066F, 67.02F }, 0U, 4U,
+          { -18.506523F, -10.0F }, { 50.0F, 130.0F },
+          { -37.788597F, -77.22002F }, { 30.91794F, 63.180016F },
+          0U, 0U, 0U, 1U },
+        { { 109.53952F }, { 19.09956F, 67.44035F }, 0U, 1U,
+          { 18.959515F, 67.15687F }, { 19.195961F, 67.63592F },
+          { -0.24005318F, -0.48350525F }, { 0.19640923F, 0.3955841F },
+          0U, 0U, 0U, 1U },
+        { { 94.46391F }, { 0.0F, 0.0F }, 0U, 6U,
+          { 17.791504F, 67.483315F }, { 48.88058F, 130.0F },
+          { 0.0F, 0.0F }, { 0.0F, 0.0F },
+          0U, 0U, 0U, 1U },
+        { { 101.51692F }, { 33.50514F, 102.0219F }, 1U, 1U,
+          { 16.373991F, 67.782F }, { 47.50335F, 130.0F },
+          { -17.231155F, -34.43992F }, { 14.098217F, 28.178116F },
+          0U, 0U, 0U, 1U },
+        { { 91.175705F }, { 0.0F, 0.0F }, 1U, 0U,
+          { 13.180308F, 68.03141F }, { 44.30288F, 130.0F },
+          { 0.0F, 0.0F }, { 0.0F, 0.0F },
+          0U, 0U, 0U, 1U },
+        { { 107.51068F }, { 27.233652F, 102.216324F }, 1U, 1U,
+          { 10.112514F, 68.21406F }, { 41.223675F, 130.0F },
+          { -17.221146F, -34.202286F }, { 14.090029F, 27.983688F },
+          0U, 0U, 0U, 1U },
+        { { 96.207275F }, { 24.179129F, 102.75715F }, 1U, 3U,
+          { 24.058704F, 102.47391F }, { 24.259476F, 102.952515F },
+          { -0.22043228F, -0.4832611F }, { 0.18035507F, 0.39538574F },
+          0U, 0U, 0U, 1U },
+        { { 98.32345F }, { 21.2344F, 103.23303F }, 1U, 1U,
+          { 21.114061F, 102.95839F }, { 21.314672F, 103.42134F },
+          { -0.22034645F, -0.47466278F }, { 0.18028069F, 0.38832855F },
+          0U, 0U, 0U, 1U },
+        { { 101.811676F }, { 0.0F, 0.0F }, 1U, 5U,
+          { -20.0F, -10.0F }, { 20.67083F, 103.822174F },
+          { 0.0F, 0.0F }, { 0.0F, 0.0F },
+          0U, 0U, 0U, 1U },
+        { { 99.21705F }, { 17.534046F, 67.02F }, 1U, 4U,
+          { -20.0F, -10.0F }, { 48.22554F, 130.0F },
+          { -37.634056F, -77.22002F }, { 30.7915F, 63.180016F },
+          0U, 0U, 0U, 1U },
+        { { 105.60034F }, { 15.551658F, 67.384674F }, 1U, 1U,
+          { 15.431235F, 67.101425F }, { 15.632005F, 67.58008F },
+          { -0.22042942F, -0.48326874F }, { 0.18035412F, 0.3954239F },
+          0U, 0U, 0U, 1U },
+        { { 94.00815F }, { 0.0F, 0.0F }, 1U, 6U,
+          { 12.274714F, 67.33167F }, { 46.714455F, 130.0F },
+          { 0.0F, 0.0F }, { 0.0F, 0.0F },
           0U, 0U, 0U, 1U },
     };
     buck_state s;
@@ -286,7 +347,7 @@ int buck_self_test(void)
     int result = 0;
 
     buck_init(&s);
-    for (int k = 0; (k < 46) && (result == 0); k++)
+    for (int k = 0; (k < 58) && (result == 0); k++)
     {
         const golden *const g = &vectors[k];
         buck_status status;
@@ -296,7 +357,11 @@ int buck_self_test(void)
         {
             buck_reset(&s);
         }
-        if (g->call != 0U)
+        if (g->call > 2U)
+        {
+            widen(&s, g->call);
+        }
+        if ((g->call != 0U) && (g->call < 5U))
         {
             status = buck_step(&s, &in, &out);
         }

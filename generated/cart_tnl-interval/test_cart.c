@@ -23,7 +23,7 @@ typedef struct {
     cart_real u[CART_NU];
     cart_real y[CART_NY];
     uint32_t mode;
-    uint32_t call; /* 0: predict; 1: step; 2: reset and step */
+    uint32_t call; /* 0: predict; 1: step; 2: reset and step; 3, 4: widen and step; 5, 6: widen and predict */
     cart_real x_lo[CART_NX];
     cart_real x_hi[CART_NX];
     cart_real r_lo[CART_NY];
@@ -61,6 +61,19 @@ static void fill(cart_in *in, const golden *g)
     in->u[0] = g->u[0];
     in->y[0] = g->y[0];
     in->mode = g->mode;
+}
+
+/* Put the lower (odd calls) or the upper bounds to the ends of the ranges of x. */
+static void widen(cart_state *s, uint32_t call)
+{
+    cart_state whole;
+
+    cart_reset(&whole);
+    for (uint32_t i = 0U; i < CART_NX; i++)
+    {
+        s->x_lo[i] = ((call % 2U) != 0U) ? whole.x_lo[i] : s->x_lo[i];
+        s->x_hi[i] = ((call % 2U) != 0U) ? s->x_hi[i] : whole.x_hi[i];
+    }
 }
 
 /* Bytes of a struct as a number that changes with each of them (FNV-1a). */
@@ -295,7 +308,11 @@ int cart_self_test(void)
         {
             cart_reset(&s);
         }
-        if (g->call != 0U)
+        if (g->call > 2U)
+        {
+            widen(&s, g->call);
+        }
+        if ((g->call != 0U) && (g->call < 5U))
         {
             status = cart_step(&s, &in, &out);
         }

@@ -11,7 +11,7 @@
  * On the host:    gcc -std=c99 -ffp-contract=off chevet.c test_chevet.c && ./a.out
  * On the target:  compile with -DCHEVET_NO_MAIN and call chevet_self_test() once at start-up.
  *
- * It compares 41 samples with the numpy reference, every number with every bit that counts, and tries
+ * It compares 47 samples with the numpy reference, every number with every bit that counts, and tries
  * that a refused call changes nothing. The answer is 0, or the number of the first sample that differs;
  * 1001 and above: a refused call. Needs nothing but <stdint.h>.
  */
@@ -23,7 +23,7 @@ typedef struct {
     chevet_real u[CHEVET_NU];
     chevet_real y[CHEVET_NY];
     uint32_t mode;
-    uint32_t call; /* 0: predict; 1: step; 2: reset and step */
+    uint32_t call; /* 0: predict; 1: step; 2: reset and step; 3, 4: widen and step; 5, 6: widen and predict */
     chevet_real x_lo[CHEVET_NX];
     chevet_real x_hi[CHEVET_NX];
     chevet_real r_lo[CHEVET_NY];
@@ -63,6 +63,19 @@ static void fill(chevet_in *in, const golden *g)
     in->mode = g->mode;
 }
 
+/* Put the lower (odd calls) or the upper bounds to the ends of the ranges of x. */
+static void widen(chevet_state *s, uint32_t call)
+{
+    chevet_state whole;
+
+    chevet_reset(&whole);
+    for (uint32_t i = 0U; i < CHEVET_NX; i++)
+    {
+        s->x_lo[i] = ((call % 2U) != 0U) ? whole.x_lo[i] : s->x_lo[i];
+        s->x_hi[i] = ((call % 2U) != 0U) ? s->x_hi[i] : whole.x_hi[i];
+    }
+}
+
 /* Bytes of a struct as a number that changes with each of them (FNV-1a). */
 static uint32_t mark(const void *object, uint32_t size)
 {
@@ -93,7 +106,7 @@ static int changes(chevet_state *s, const chevet_in *in, chevet_out *out, chevet
 
 int chevet_self_test(void)
 {
-    static const golden vectors[41] = {
+    static const golden vectors[47] = {
         { { -0.7312715F }, { 0.009999981F }, 0U, 1U,
           { -0.1F, -0.1F }, { 0.1F, 0.1F },
           { -0.11000034F }, { 0.090000376F },
@@ -258,6 +271,30 @@ int chevet_self_test(void)
           { 0.89253545F, -2.9923728F }, { 0.89709634F, -2.9594145F },
           { -0.0025088787F }, { 0.0020527244F },
           0U, 0U, 1U, 0U },
+        { { 0.037356567F }, { 0.20000015F }, 0U, 3U,
+          { -2.0F, -3.0F }, { 2.0F, 3.0F },
+          { -2.2000005F }, { 1.8000003F },
+          0U, 0U, 1U, 0U },
+        { { 0.89943856F }, { 0.20307977F }, 0U, 1U,
+          { 0.1996727F, 0.17376912F }, { 0.20586729F, 0.43541896F },
+          { -0.0034074336F }, { 0.0027878731F },
+          0U, 0U, 1U, 0U },
+        { { -0.2705279F }, { 0.0F }, 0U, 5U,
+          { -2.0F, -2.9862702F }, { 0.21133283F, 0.5010632F },
+          { 0.0F }, { 0.0F },
+          0U, 0U, 1U, 0U },
+        { { 0.88202703F }, { 0.20000002F }, 0U, 4U,
+          { -2.0F, -3.0F }, { 2.0F, 3.0F },
+          { -2.2000005F }, { 1.8000004F },
+          0U, 0U, 1U, 0U },
+        { { 0.626703F }, { 0.20312183F }, 0U, 1U,
+          { 0.19971475F, 0.18218243F }, { 0.20590934F, 0.44383228F },
+          { -0.0034074336F }, { 0.0027878731F },
+          0U, 0U, 1U, 0U },
+        { { -0.9968305F }, { 0.0F }, 0U, 6U,
+          { 0.20042987F, 0.12551643F }, { 2.0F, 2.9933841F },
+          { 0.0F }, { 0.0F },
+          0U, 0U, 1U, 0U },
     };
     chevet_state s;
     chevet_in in;
@@ -265,7 +302,7 @@ int chevet_self_test(void)
     int result = 0;
 
     chevet_init(&s);
-    for (int k = 0; (k < 41) && (result == 0); k++)
+    for (int k = 0; (k < 47) && (result == 0); k++)
     {
         const golden *const g = &vectors[k];
         chevet_status status;
@@ -275,7 +312,11 @@ int chevet_self_test(void)
         {
             chevet_reset(&s);
         }
-        if (g->call != 0U)
+        if (g->call > 2U)
+        {
+            widen(&s, g->call);
+        }
+        if ((g->call != 0U) && (g->call < 5U))
         {
             status = chevet_step(&s, &in, &out);
         }

@@ -23,7 +23,7 @@ typedef struct {
     emps_real u[EMPS_NU];
     emps_real y[EMPS_NY];
     uint32_t mode;
-    uint32_t call; /* 0: predict; 1: step; 2: reset and step */
+    uint32_t call; /* 0: predict; 1: step; 2: reset and step; 3, 4: widen and step; 5, 6: widen and predict */
     emps_real x_lo[EMPS_NX];
     emps_real x_hi[EMPS_NX];
     emps_real r_lo[EMPS_NY];
@@ -61,6 +61,19 @@ static void fill(emps_in *in, const golden *g)
     in->u[0] = g->u[0];
     in->y[0] = g->y[0];
     in->mode = g->mode;
+}
+
+/* Put the lower (odd calls) or the upper bounds to the ends of the ranges of x. */
+static void widen(emps_state *s, uint32_t call)
+{
+    emps_state whole;
+
+    emps_reset(&whole);
+    for (uint32_t i = 0U; i < EMPS_NX; i++)
+    {
+        s->x_lo[i] = ((call % 2U) != 0U) ? whole.x_lo[i] : s->x_lo[i];
+        s->x_hi[i] = ((call % 2U) != 0U) ? s->x_hi[i] : whole.x_hi[i];
+    }
 }
 
 /* Bytes of a struct as a number that changes with each of them (FNV-1a). */
@@ -315,7 +328,11 @@ int emps_self_test(void)
         {
             emps_reset(&s);
         }
-        if (g->call != 0U)
+        if (g->call > 2U)
+        {
+            widen(&s, g->call);
+        }
+        if ((g->call != 0U) && (g->call < 5U))
         {
             status = emps_step(&s, &in, &out);
         }

@@ -11,7 +11,7 @@
  * On the host:    gcc -std=c99 -ffp-contract=off lamouchi.c test_lamouchi.c && ./a.out
  * On the target:  compile with -DLAMOUCHI_NO_MAIN and call lamouchi_self_test() once at start-up.
  *
- * It compares 41 samples with the numpy reference, every number with every bit that counts, and tries
+ * It compares 47 samples with the numpy reference, every number with every bit that counts, and tries
  * that a refused call changes nothing. The answer is 0, or the number of the first sample that differs;
  * 1001 and above: a refused call. Needs nothing but <stdint.h>.
  */
@@ -23,7 +23,7 @@ typedef struct {
     lamouchi_real u[LAMOUCHI_NU];
     lamouchi_real y[LAMOUCHI_NY];
     uint32_t mode;
-    uint32_t call; /* 0: predict; 1: step; 2: reset and step */
+    uint32_t call; /* 0: predict; 1: step; 2: reset and step; 3, 4: widen and step; 5, 6: widen and predict */
     lamouchi_real x_lo[LAMOUCHI_NX];
     lamouchi_real x_hi[LAMOUCHI_NX];
     lamouchi_real r_lo[LAMOUCHI_NY];
@@ -64,6 +64,19 @@ static void fill(lamouchi_in *in, const golden *g)
     in->mode = g->mode;
 }
 
+/* Put the lower (odd calls) or the upper bounds to the ends of the ranges of x. */
+static void widen(lamouchi_state *s, uint32_t call)
+{
+    lamouchi_state whole;
+
+    lamouchi_reset(&whole);
+    for (uint32_t i = 0U; i < LAMOUCHI_NX; i++)
+    {
+        s->x_lo[i] = ((call % 2U) != 0U) ? whole.x_lo[i] : s->x_lo[i];
+        s->x_hi[i] = ((call % 2U) != 0U) ? s->x_hi[i] : whole.x_hi[i];
+    }
+}
+
 /* Bytes of a struct as a number that changes with each of them (FNV-1a). */
 static uint32_t mark(const void *object, uint32_t size)
 {
@@ -94,7 +107,7 @@ static int changes(lamouchi_state *s, const lamouchi_in *in, lamouchi_out *out, 
 
 int lamouchi_self_test(void)
 {
-    static const golden vectors[41] = {
+    static const golden vectors[47] = {
         { { -0.7312715F, 0.6948675F }, { 0.1010001F }, 0U, 1U,
           { -1.0F, -1.0F }, { 1.0F, 1.0F },
           { -1.1110007F }, { 0.9090005F },
@@ -259,6 +272,30 @@ int lamouchi_self_test(void)
           { 0.71006715F, -0.3036445F }, { 1.9670675F, 1.0118608F },
           { -0.7023508F }, { 0.57465065F },
           0U, 0U, 0U, 1U },
+        { { -0.7716187F, -0.37599015F }, { -1.4969754F }, 0U, 3U,
+          { -4.0F, -4.0F }, { 0.5491357F, 1.58377F },
+          { -2.5130253F }, { 2.0561116F },
+          0U, 0U, 0U, 1U },
+        { { -0.48315832F, -0.49308372F }, { -0.14748132F }, 0U, 1U,
+          { -2.9727578F, -2.5551322F }, { 2.16229F, 1.1849567F },
+          { -2.835277F }, { 2.3197718F },
+          0U, 0U, 0U, 1U },
+        { { 0.95347655F, 0.931127F }, { 0.0F }, 0U, 5U,
+          { -4.0F, -4.0F }, { 1.7064737F, 1.0220793F },
+          { 0.0F }, { 0.0F },
+          0U, 0U, 0U, 1U },
+        { { 0.95110685F, -0.549252F }, { 1.4736075F }, 0U, 4U,
+          { -1.6164284F, -2.487914F }, { 4.0F, 4.0F },
+          { -3.1000366F }, { 2.5363932F },
+          0U, 0U, 0U, 1U },
+        { { -0.92934793F, 0.91978663F }, { 1.1711274F }, 0U, 1U,
+          { -1.9898124F, -2.1244533F }, { 3.7555327F, 2.0677075F },
+          { -3.1709404F }, { 2.5944057F },
+          0U, 0U, 0U, 1U },
+        { { 0.0126186265F, -0.14666994F }, { 0.0F }, 0U, 6U,
+          { -2.5617337F, 0.31426227F }, { 4.0F, 4.0F },
+          { 0.0F }, { 0.0F },
+          0U, 0U, 0U, 1U },
     };
     lamouchi_state s;
     lamouchi_in in;
@@ -266,7 +303,7 @@ int lamouchi_self_test(void)
     int result = 0;
 
     lamouchi_init(&s);
-    for (int k = 0; (k < 41) && (result == 0); k++)
+    for (int k = 0; (k < 47) && (result == 0); k++)
     {
         const golden *const g = &vectors[k];
         lamouchi_status status;
@@ -276,7 +313,11 @@ int lamouchi_self_test(void)
         {
             lamouchi_reset(&s);
         }
-        if (g->call != 0U)
+        if (g->call > 2U)
+        {
+            widen(&s, g->call);
+        }
+        if ((g->call != 0U) && (g->call < 5U))
         {
             status = lamouchi_step(&s, &in, &out);
         }

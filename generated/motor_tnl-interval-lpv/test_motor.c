@@ -11,7 +11,7 @@
  * On the host:    gcc -std=c99 -ffp-contract=off motor.c test_motor.c && ./a.out
  * On the target:  compile with -DMOTOR_NO_MAIN and call motor_self_test() once at start-up.
  *
- * It compares 46 samples with the numpy reference, every number with every bit that counts, and tries
+ * It compares 58 samples with the numpy reference, every number with every bit that counts, and tries
  * that a refused call changes nothing. The answer is 0, or the number of the first sample that differs;
  * 1001 and above: a refused call. Needs nothing but <stdint.h>.
  */
@@ -24,7 +24,7 @@ typedef struct {
     motor_real y[MOTOR_NY];
     motor_real theta[MOTOR_NTHETA];
     uint32_t mode;
-    uint32_t call; /* 0: predict; 1: step; 2: reset and step */
+    uint32_t call; /* 0: predict; 1: step; 2: reset and step; 3, 4: widen and step; 5, 6: widen and predict */
     motor_real x_lo[MOTOR_NX];
     motor_real x_hi[MOTOR_NX];
     motor_real r_lo[MOTOR_NY];
@@ -66,6 +66,19 @@ static void fill(motor_in *in, const golden *g)
     in->mode = g->mode;
 }
 
+/* Put the lower (odd calls) or the upper bounds to the ends of the ranges of x. */
+static void widen(motor_state *s, uint32_t call)
+{
+    motor_state whole;
+
+    motor_reset(&whole);
+    for (uint32_t i = 0U; i < MOTOR_NX; i++)
+    {
+        s->x_lo[i] = ((call % 2U) != 0U) ? whole.x_lo[i] : s->x_lo[i];
+        s->x_hi[i] = ((call % 2U) != 0U) ? s->x_hi[i] : whole.x_hi[i];
+    }
+}
+
 /* Bytes of a struct as a number that changes with each of them (FNV-1a). */
 static uint32_t mark(const void *object, uint32_t size)
 {
@@ -96,7 +109,7 @@ static int changes(motor_state *s, const motor_in *in, motor_out *out, motor_sta
 
 int motor_self_test(void)
 {
-    static const golden vectors[46] = {
+    static const golden vectors[58] = {
         { { 1.612371F }, { 0.012000084F, 0.6000138F }, { 61.827976F }, 0U, 1U,
           { -0.1F, -5.0F }, { 0.1F, 5.0F },
           { -0.13200128F, -6.6000924F }, { 0.10800111F, 5.400065F },
@@ -269,17 +282,65 @@ int motor_self_test(void)
           { -4.635963F, -50.0F }, { 7.0F, 600.0F },
           { -6.421781F, -358.60007F }, { 5.2541847F, 293.4001F },
           0U, 0U, 3U, 0U },
-        { { 2.3294237F }, { 0.008879805F, 311.0147F }, { -16.931032F }, 1U, 1U,
-          { -0.09979632F, 309.46088F }, { 0.09415993F, 312.1042F },
-          { -0.12867732F, -2.5539246F }, { 0.10528132F, 2.089569F },
+        { { 2.3294237F }, { 0.008696983F, 311.0147F }, { -16.931032F }, 0U, 3U,
+          { -0.100001514F, 309.46088F }, { 0.09399539F, 312.1042F },
+          { -0.12869969F, -2.5539246F }, { 0.10529961F, 2.089569F },
           0U, 0U, 3U, 0U },
-        { { 5.997599F }, { 0.0F, 0.0F }, { 6.4866395F }, 1U, 0U,
-          { -1.5016704F, 307.0148F }, { -0.44044542F, 312.19183F },
+        { { 5.997599F }, { 2.6078029F, 311.76678F }, { 6.4866395F }, 0U, 1U,
+          { 2.1795442F, 310.49503F }, { 2.2418625F, 312.62543F },
+          { -0.44825983F, -2.2718506F }, { -0.34593916F, 1.8587341F },
+          1U, 1U, 3U, 0U },
+        { { 0.2171158F }, { 0.0F, 0.0F }, { -6.709581F }, 0U, 5U,
+          { -3.376298F, -50.0F }, { 3.9002423F, 317.4266F },
           { 0.0F, 0.0F }, { 0.0F, 0.0F },
           0U, 0U, 3U, 0U },
-        { { 0.2171158F }, { -0.87587905F, 308.593F }, { -6.709581F }, 1U, 1U,
-          { -2.4832997F, 302.20166F }, { 0.43564677F, 313.64044F },
-          { -1.6274219F, -7.3914185F }, { 1.331527F, 6.0475464F },
+        { { 9.392405F }, { 0.20777965F, 307.6F }, { 7.9441385F }, 0U, 4U,
+          { -5.0F, -50.0F }, { 4.4650536F, 600.0F },
+          { -5.2277813F, -358.6001F }, { 4.277275F, 293.40005F },
+          0U, 0U, 3U, 0U },
+        { { 10.052413F }, { 1.6020002F, 307.6F }, { 70.811874F }, 0U, 1U,
+          { -5.0F, -50.0F }, { 7.0F, 600.0F },
+          { -6.6220016F, -358.6001F }, { 5.418001F, 293.40005F },
+          0U, 0U, 3U, 0U },
+        { { 9.215414F }, { 0.0F, 0.0F }, { 28.447165F }, 0U, 6U,
+          { -4.725685F, -50.0F }, { 7.0F, 600.0F },
+          { 0.0F, 0.0F }, { 0.0F, 0.0F },
+          0U, 0U, 3U, 0U },
+        { { 1.5962042F }, { 1.6836964F, 307.6F }, { -10.345429F }, 1U, 1U,
+          { -4.818453F, -50.0F }, { 7.0F, 600.0F },
+          { -6.5221505F, -358.6001F }, { 5.336305F, 293.40005F },
+          0U, 0U, 3U, 0U },
+        { { 3.9868016F }, { 0.0F, 0.0F }, { 25.62418F }, 1U, 0U,
+          { -5.0F, -50.0F }, { 5.9258184F, 600.0F },
+          { 0.0F, 0.0F }, { 0.0F, 0.0F },
+          0U, 0U, 3U, 0U },
+        { { 1.3669549F }, { 0.59777355F, 307.6F }, { -3.0699117F }, 1U, 1U,
+          { -5.0F, -50.0F }, { 5.1741333F, 600.0F },
+          { -5.617775F, -358.6001F }, { 4.596361F, 293.40005F },
+          0U, 0U, 3U, 0U },
+        { { 8.581304F }, { -0.49614722F, 309.52167F }, { 23.812038F }, 1U, 3U,
+          { -0.9632251F, 307.4511F }, { -0.11762923F, 311.03394F },
+          { -0.48707908F, -3.0706482F }, { 0.3985192F, 2.5123596F },
+          0U, 0U, 3U, 0U },
+        { { 3.8487115F }, { -0.8620931F, 447.30487F }, { 15.099486F }, 1U, 1U,
+          { -0.99577016F, 432.16592F }, { -0.7563573F, 434.59933F },
+          { -0.1536783F, -16.139038F }, { 0.12573695F, -11.705444F },
+          2U, 2U, 3U, 0U },
+        { { 9.942072F }, { 0.0F, 0.0F }, { 8.135131F }, 1U, 5U,
+          { -5.0F, -50.0F }, { 3.9527936F, 439.88562F },
+          { 0.0F, 0.0F }, { 0.0F, 0.0F },
+          0U, 0U, 3U, 0U },
+        { { 4.5364757F }, { 1.0113587F, 307.6F }, { 32.502842F }, 1U, 4U,
+          { -5.0F, -50.0F }, { 5.926106F, 600.0F },
+          { -6.03136F, -358.6001F }, { 4.9347486F, 293.40005F },
+          0U, 0U, 3U, 0U },
+        { { 3.2006838F }, { 1.602F, 307.59998F }, { 66.421425F }, 1U, 1U,
+          { -5.0F, -50.0F }, { 7.0F, 600.0F },
+          { -6.6220016F, -358.60007F }, { 5.418001F, 293.4001F },
+          0U, 0U, 3U, 0U },
+        { { 5.4932313F }, { 0.0F, 0.0F }, { 1.3813732F }, 1U, 6U,
+          { -5.0F, -50.0F }, { 5.9258738F, 600.0F },
+          { 0.0F, 0.0F }, { 0.0F, 0.0F },
           0U, 0U, 3U, 0U },
     };
     motor_state s;
@@ -288,7 +349,7 @@ int motor_self_test(void)
     int result = 0;
 
     motor_init(&s);
-    for (int k = 0; (k < 46) && (result == 0); k++)
+    for (int k = 0; (k < 58) && (result == 0); k++)
     {
         const golden *const g = &vectors[k];
         motor_status status;
@@ -298,7 +359,11 @@ int motor_self_test(void)
         {
             motor_reset(&s);
         }
-        if (g->call != 0U)
+        if (g->call > 2U)
+        {
+            widen(&s, g->call);
+        }
+        if ((g->call != 0U) && (g->call < 5U))
         {
             status = motor_step(&s, &in, &out);
         }

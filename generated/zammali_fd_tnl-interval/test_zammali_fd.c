@@ -23,7 +23,7 @@ typedef struct {
     zammali_fd_real u[ZAMMALI_FD_NU];
     zammali_fd_real y[ZAMMALI_FD_NY];
     uint32_t mode;
-    uint32_t call; /* 0: predict; 1: step; 2: reset and step */
+    uint32_t call; /* 0: predict; 1: step; 2: reset and step; 3, 4: widen and step; 5, 6: widen and predict */
     zammali_fd_real x_lo[ZAMMALI_FD_NX];
     zammali_fd_real x_hi[ZAMMALI_FD_NX];
     zammali_fd_real r_lo[ZAMMALI_FD_NY];
@@ -62,6 +62,19 @@ static void fill(zammali_fd_in *in, const golden *g)
     in->y[0] = g->y[0];
     in->y[1] = g->y[1];
     in->mode = g->mode;
+}
+
+/* Put the lower (odd calls) or the upper bounds to the ends of the ranges of x. */
+static void widen(zammali_fd_state *s, uint32_t call)
+{
+    zammali_fd_state whole;
+
+    zammali_fd_reset(&whole);
+    for (uint32_t i = 0U; i < ZAMMALI_FD_NX; i++)
+    {
+        s->x_lo[i] = ((call % 2U) != 0U) ? whole.x_lo[i] : s->x_lo[i];
+        s->x_hi[i] = ((call % 2U) != 0U) ? s->x_hi[i] : whole.x_hi[i];
+    }
 }
 
 /* Bytes of a struct as a number that changes with each of them (FNV-1a). */
@@ -316,7 +329,11 @@ int zammali_fd_self_test(void)
         {
             zammali_fd_reset(&s);
         }
-        if (g->call != 0U)
+        if (g->call > 2U)
+        {
+            widen(&s, g->call);
+        }
+        if ((g->call != 0U) && (g->call < 5U))
         {
             status = zammali_fd_step(&s, &in, &out);
         }

@@ -11,7 +11,7 @@
  * On the host:    gcc -std=c99 -ffp-contract=off zammali_lpv_ct1.c test_zammali_lpv_ct1.c && ./a.out
  * On the target:  compile with -DZAMMALI_LPV_CT1_NO_MAIN and call zammali_lpv_ct1_self_test() once at start-up.
  *
- * It compares 51 samples with the numpy reference, every number with every bit that counts, and tries
+ * It compares 69 samples with the numpy reference, every number with every bit that counts, and tries
  * that a refused call changes nothing. The answer is 0, or the number of the first sample that differs;
  * 1001 and above: a refused call. Needs nothing but <stdint.h>.
  */
@@ -24,7 +24,7 @@ typedef struct {
     zammali_lpv_ct1_real y[ZAMMALI_LPV_CT1_NY];
     zammali_lpv_ct1_real theta[ZAMMALI_LPV_CT1_NTHETA];
     uint32_t mode;
-    uint32_t call; /* 0: predict; 1: step; 2: reset and step */
+    uint32_t call; /* 0: predict; 1: step; 2: reset and step; 3, 4: widen and step; 5, 6: widen and predict */
     zammali_lpv_ct1_real x_lo[ZAMMALI_LPV_CT1_NX];
     zammali_lpv_ct1_real x_hi[ZAMMALI_LPV_CT1_NX];
     zammali_lpv_ct1_real r_lo[ZAMMALI_LPV_CT1_NY];
@@ -67,6 +67,19 @@ static void fill(zammali_lpv_ct1_in *in, const golden *g)
     in->mode = g->mode;
 }
 
+/* Put the lower (odd calls) or the upper bounds to the ends of the ranges of x. */
+static void widen(zammali_lpv_ct1_state *s, uint32_t call)
+{
+    zammali_lpv_ct1_state whole;
+
+    zammali_lpv_ct1_reset(&whole);
+    for (uint32_t i = 0U; i < ZAMMALI_LPV_CT1_NX; i++)
+    {
+        s->x_lo[i] = ((call % 2U) != 0U) ? whole.x_lo[i] : s->x_lo[i];
+        s->x_hi[i] = ((call % 2U) != 0U) ? s->x_hi[i] : whole.x_hi[i];
+    }
+}
+
 /* Bytes of a struct as a number that changes with each of them (FNV-1a). */
 static uint32_t mark(const void *object, uint32_t size)
 {
@@ -97,7 +110,7 @@ static int changes(zammali_lpv_ct1_state *s, const zammali_lpv_ct1_in *in, zamma
 
 int zammali_lpv_ct1_self_test(void)
 {
-    static const golden vectors[51] = {
+    static const golden vectors[69] = {
         { { -0.7312715F, 0.6948675F }, { 0.020500232F }, { 1.2637746F, 0.755069F }, 0U, 1U,
           { -0.1F, -0.1F }, { 0.1F, 0.1F },
           { -0.22550245F }, { 0.18450199F },
@@ -278,29 +291,101 @@ int zammali_lpv_ct1_self_test(void)
           { 4.0644264F, -3.8517423F }, { 8.992764F, 1.4734529F },
           { -5.6449447F }, { 4.6185923F },
           0U, 0U, 0U, 1U },
-        { { -0.79145F, -0.9217244F }, { 8.351588F }, { 0.64638686F, 2.2323368F }, 1U, 1U,
-          { 4.279531F, -3.8108997F }, { 9.0F, 1.3793241F },
-          { -5.456383F }, { 4.4643135F },
+        { { -0.79145F, -0.9217244F }, { 2.4798048F }, { 0.57319343F, 1.3661684F }, 0U, 3U,
+          { -9.0F, -4.0F }, { 9.0F, 1.3793241F },
+          { -12.864131F }, { 10.525197F },
           0U, 0U, 0U, 1U },
-        { { 0.6570119F, -0.31820506F }, { 0.0F }, { 1.7303721F, 2.0638072F }, 1U, 0U,
-          { 4.441725F, -3.8396993F }, { 9.0F, 1.2458054F },
+        { { 0.6570119F, -0.31820506F }, { 2.8937244F }, { 1.115186F, 1.2819036F }, 0U, 1U,
+          { -2.0431569F, -4.0F }, { 4.178197F, 1.5230304F },
+          { -6.464914F }, { 5.2894745F },
+          0U, 0U, 0U, 1U },
+        { { 0.14156306F, -0.55257183F }, { 0.0F }, { 0.58174324F, 0.76672363F }, 0U, 5U,
+          { -9.0F, -4.0F }, { 4.402644F, 1.4533877F },
           { 0.0F }, { 0.0F },
           0U, 0U, 0U, 1U },
-        { { 0.14156306F, -0.55257183F }, { 8.428117F }, { 0.66348654F, 1.0334473F }, 1U, 1U,
-          { 4.316377F, -3.8773055F }, { 9.0F, 1.3272692F },
-          { -5.4440107F }, { 4.4541903F },
+        { { 0.068588376F, -0.7713678F }, { 1.2969923F }, { 1.3967594F, 0.6077307F }, 0U, 4U,
+          { -9.0F, -3.9936206F }, { 9.0F, 4.0F },
+          { -14.301994F }, { 11.701631F },
           0U, 0U, 0U, 1U },
-        { { 0.068588376F, -0.7713678F }, { 8.4859495F }, { 0.9967594F, 0.20773068F }, 2U, 1U,
-          { 4.401605F, -3.8673422F }, { 9.0F, 1.2718029F },
-          { -5.3611493F }, { 4.3863945F },
+        { { -0.40852413F, 0.22735386F }, { 2.0765996F }, { 0.5145482F, 0.91353446F }, 0U, 1U,
+          { -2.8123045F, -4.0F }, { 5.34843F, 4.0F },
+          { -8.893906F }, { 7.276832F },
           0U, 0U, 0U, 1U },
-        { { -0.40852413F, 0.22735386F }, { 0.0F }, { 0.11454815F, 0.5135344F }, 2U, 0U,
-          { 4.2953086F, -3.974595F }, { 9.0F, 0.9961915F },
+        { { 0.57975644F, -0.6241558F }, { 0.0F }, { 1.2855121F, 1.0867928F }, 0U, 6U,
+          { -2.0204914F, -3.9418542F }, { 9.0F, 4.0F },
           { 0.0F }, { 0.0F },
           0U, 0U, 0U, 1U },
-        { { 0.57975644F, -0.6241558F }, { 8.360835F }, { 0.8855122F, 0.6867929F }, 2U, 1U,
-          { 3.98313F, -4.0F }, { 8.699112F, 0.9257437F },
-          { -5.308451F }, { 4.343279F },
+        { { -0.09818277F, 0.36178008F }, { 4.396266F }, { 0.8178895F, 2.1900377F }, 1U, 1U,
+          { -2.102133F, -3.9628632F }, { 9.0F, 3.9729986F },
+          { -10.4764F }, { 8.571599F },
+          0U, 0U, 0U, 1U },
+        { { 0.92938757F, 0.6129747F }, { 0.0F }, { 1.5858508F, 2.1367002F }, 1U, 0U,
+          { -0.007952336F, -4.0F }, { 8.513448F, 3.9282944F },
+          { 0.0F }, { 0.0F },
+          0U, 0U, 0U, 1U },
+        { { 0.4232219F, -0.37108052F }, { 5.07962F }, { 0.91522926F, 1.1348327F }, 1U, 1U,
+          { -0.10745302F, -4.0F }, { 8.590923F, 3.9945173F },
+          { -9.186592F }, { 7.5163054F },
+          0U, 0U, 0U, 1U },
+        { { 0.45296746F, -0.35949746F }, { 1.2575893F }, { 1.282538F, 1.2971103F }, 1U, 3U,
+          { -9.0F, -4.0F }, { 8.862001F, 3.926693F },
+          { -14.189284F }, { 11.609414F },
+          0U, 0U, 0U, 1U },
+        { { -0.36530092F, 0.20289381F }, { 1.6237512F }, { 1.411716F, 1.0001256F }, 1U, 1U,
+          { -5.793939F, -4.0F }, { 6.9645867F, 4.0F },
+          { -11.422691F }, { 9.345839F },
+          0U, 0U, 0U, 1U },
+        { { 0.55583924F, 0.7824188F }, { 0.0F }, { 2.2352276F, 1.4378402F }, 1U, 5U,
+          { -9.0F, -4.0F }, { 6.4024534F, 3.9876833F },
+          { 0.0F }, { 0.0F },
+          0U, 0U, 0U, 1U },
+        { { -0.6335545F, -0.5843262F }, { 1.3005004F }, { 0.8984318F, 1.2209271F }, 1U, 4U,
+          { -9.0F, -4.0F }, { 9.0F, 4.0F },
+          { -14.305502F }, { 11.704502F },
+          0U, 0U, 0U, 1U },
+        { { -0.8211704F, 0.5065734F }, { 1.769269F }, { 0.68097687F, 1.6487125F }, 1U, 1U,
+          { -5.283155F, -4.0F }, { 6.8112516F, 4.0F },
+          { -11.0574255F }, { 9.046985F },
+          0U, 0U, 0U, 1U },
+        { { -0.54514754F, 0.9331962F }, { 0.0F }, { 0.5821045F, 0.8736257F }, 1U, 6U,
+          { -3.0276978F, -4.0F }, { 9.0F, 4.0F },
+          { 0.0F }, { 0.0F },
+          0U, 0U, 0U, 1U },
+        { { 0.7870005F, -0.39438134F }, { 3.9508424F }, { 0.4343334F, 0.6442254F }, 2U, 1U,
+          { -3.1103516F, -4.0F }, { 9.0F, 4.0F },
+          { -11.066196F }, { 9.054159F },
+          0U, 0U, 0U, 1U },
+        { { 0.19192508F, -0.509804F }, { 0.0F }, { 0.120374024F, 0.3437593F }, 2U, 0U,
+          { -0.19779038F, -4.0F }, { 7.730022F, 3.836754F },
+          { 0.0F }, { 0.0F },
+          0U, 0U, 0U, 1U },
+        { { 0.10240951F, -0.8581673F }, { 4.4596066F }, { 0.17512979F, 0.7353821F }, 2U, 1U,
+          { -0.32570234F, -4.0F }, { 7.531019F, 3.8586395F },
+          { -8.648951F }, { 7.0764146F },
+          0U, 0U, 0U, 1U },
+        { { 0.58436954F, -0.013477914F }, { 0.9405673F }, { 0.962649F, 0.2541796F }, 2U, 3U,
+          { -9.0F, -4.0F }, { 8.06329F, 3.654983F },
+          { -13.600552F }, { 11.127725F },
+          0U, 0U, 0U, 1U },
+        { { 0.589967F, -0.84578604F }, { 1.6093857F }, { 1.049228F, 0.27324212F }, 2U, 1U,
+          { -3.3164527F, -4.0F }, { 4.6492324F, 3.6795297F },
+          { -8.610371F }, { 7.0448484F },
+          0U, 0U, 0U, 1U },
+        { { 0.96979177F, 0.64310026F }, { 0.0F }, { 0.419784F, 0.20687774F }, 2U, 5U,
+          { -9.0F, -4.0F }, { 5.099101F, 3.5050318F },
+          { 0.0F }, { 0.0F },
+          0U, 0U, 0U, 1U },
+        { { -0.413021F, 0.7875176F }, { 1.4079008F }, { 0.24168065F, 1.0104817F }, 2U, 4U,
+          { -8.761334F, -4.0F }, { 9.0F, 4.0F },
+          { -14.174237F }, { 11.597101F },
+          0U, 0U, 0U, 1U },
+        { { -0.36786264F, 0.80617654F }, { 2.172612F }, { 0.9038563F, 1.0071537F }, 2U, 1U,
+          { -2.6150987F, -4.0F }, { 5.311518F, 3.9387321F },
+          { -8.731445F }, { 7.1439085F },
+          0U, 0U, 0U, 1U },
+        { { 0.49236977F, 0.37919036F }, { 0.0F }, { 0.27815488F, 0.532638F }, 2U, 6U,
+          { -1.8672545F, -3.9757268F }, { 9.0F, 4.0F },
+          { 0.0F }, { 0.0F },
           0U, 0U, 0U, 1U },
     };
     zammali_lpv_ct1_state s;
@@ -309,7 +394,7 @@ int zammali_lpv_ct1_self_test(void)
     int result = 0;
 
     zammali_lpv_ct1_init(&s);
-    for (int k = 0; (k < 51) && (result == 0); k++)
+    for (int k = 0; (k < 69) && (result == 0); k++)
     {
         const golden *const g = &vectors[k];
         zammali_lpv_ct1_status status;
@@ -319,7 +404,11 @@ int zammali_lpv_ct1_self_test(void)
         {
             zammali_lpv_ct1_reset(&s);
         }
-        if (g->call != 0U)
+        if (g->call > 2U)
+        {
+            widen(&s, g->call);
+        }
+        if ((g->call != 0U) && (g->call < 5U))
         {
             status = zammali_lpv_ct1_step(&s, &in, &out);
         }

@@ -23,6 +23,7 @@ from codegen.pipeline import check_assurance
 from codegen.plant.load import load
 
 LATE = HELD.replace("[initial]", "[switching]\nlate = true\n[initial]")
+NOISE = HEATER.replace('bounds = [-0.1, 0.1] }]\nf', 'bounds = [0.05, 0.3] }]\nf')  # that never vanishes
 DESIGNS = {  # both families, one and two parameters, the mean of both ends, opposite bounds, a mode told late
     "interval": lambda: heater_design(),
     "mean": lambda: heater_design(HELD, "tnl-interval-lpv"),
@@ -30,6 +31,7 @@ DESIGNS = {  # both families, one and two parameters, the mean of both ends, opp
     "two": lambda: codegen.design(load("zammali_lpv_dt"), "lpv-interval"),
     "signed": lambda: codegen.design(load("lamouchi"), "component-interval"),
     "late": lambda: heater_design(LATE, "tnl-interval-lpv"),
+    "negative": lambda: heater_design(NOISE, "tnl-interval-lpv", criterion="linf"),
 }
 LAYOUTS = ("literal", "table")  # loops are straight here, as in the second
 kinds = pytest.mark.parametrize("name", DESIGNS)
@@ -107,8 +109,14 @@ MUTANTS = {  # pattern, replacement: of any C with parameters or radii
     "magnitude of another state": (r"(m_)0( = \([^;]*;)", r"\g<1>1\2"),
     "input with its sign": (r"(a_0 = [^;]* \? )-", r"\1"),
     "magnitude of another input": (r"(a_0 = [^;]*->u\[)0(\];)", r"\g<1>1\2"),
+    "positive bound alone": (r"(m_0 = )\([^;]*: ([^;]*;)", r"\1\2"),
+    "negative bound alone": (r"(m_0 = )\([^;]*\? ([^;]*?) : [^;]*;", r"\1\2;"),
+    "input as positive": (r"(a_0 = )\([^;]*: ([^;]*;)", r"\1\2"),
+    "gain with the other sign": (r"(\* \()(L_\d_\d\)\))", r"\1-\2"),
+    "negative gain with its sign": (r"(\* \()-(L_\d_\d\)\))", r"\1\2"),
     "gain with its sign": (r"\? -(L_\d_\d) : (L_\d_\d)", r"? \1 : \2"),
-    "another gain": (r"\((L_)0(_0 <)", r"(\g<1>1\2"),
+    "gain as positive": (r"\(\(L_\d_\d < 0\.0F?\) \? -L_\d_\d : (L_\d_\d)\)", r"\1"),
+    "another gain": (r"(apart_0 = [^;]*\bL_)0(_0)", r"\g<1>1\2"),
     "lost radius": (r"(apart_\d = [^;]*) \+ \([^()]*\* m_1\)", r"\1"),
     "radius of another state": (r"(apart_\d = [^;]*\* m_)1", r"\g<1>0"),
     "radius that tightens": (r"(hi_\d = [^;]*) \+ apart", r"\1 - apart"),

@@ -25,11 +25,16 @@ from codegen.plant.load import load
 CERTIFY = Path(__file__).resolve().parents[2] / "codegen" / "certify"
 FILES = ("independent_lpv.py", "independent_step.py")
 LATE = HELD.replace("[initial]", "[switching]\nlate = true\n[initial]")
+NOISE = HEATER.replace('bounds = [-0.1, 0.1] }]\nf', 'bounds = [0.05, 0.3] }]\nf')  # that never vanishes
+CONSTANT = HEATER[:HEATER.index("theta = [")] + HEATER[HEATER.index("[initial]"):].replace("0.2*flow", "0.2").replace(
+    "flow", "1").replace("loss", "0.2").replace("bounds = { 1 = [0.5, 0.8] }\n", "").replace('theta = "uniform"\n', "")
 DESIGNS = {
     "heater": lambda: heater_design(),
     "held": lambda: heater_design(HELD, "tnl-interval-lpv"),
     "late": lambda: heater_design(LATE, "tnl-interval-lpv"),
     "linf": lambda: heater_design(HEATER, "tnl-interval-lpv", criterion="linf"),
+    "noise": lambda: heater_design(NOISE, "tnl-interval-lpv", criterion="linf"),
+    "constant": lambda: heater_design(CONSTANT, "lpv-interval"),
     "euler": lambda: heater_design(HEATER, "lpv-interval", sampling="euler"),
     "discrete": lambda: codegen.design(load("zammali_lpv_dt"), "lpv-interval"),
     "signed": lambda: codegen.design(load("lamouchi"), "component-interval"),

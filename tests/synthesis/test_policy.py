@@ -1,4 +1,4 @@
-"""Policy iteration finds the smallest steady width; what forbids a decay, and how slow to sample, is said in numbers."""
+"""Policy iteration finds the smallest steady width; what forbids a decay, and how slow to sample, in numbers."""
 
 from dataclasses import replace
 
