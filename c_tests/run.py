@@ -42,7 +42,8 @@ def case(record: dict) -> str:
     numbers = {name: supervision[name] for name in ("dwell_add", "dwell_drain", "dwell_limit", "hold")}
     numbers |= {"state_bytes": record["state_bytes"], "recover": max(supervision["recover"], 1),
                 "debounce_m": supervision["debounce"][0], "debounce_n": supervision["debounce"][1]}
-    flags = {"nu": record["n_u"], "ntheta": record["n_theta"], "latch": supervision["latch"], "has_phase": "phase" in members,
+    flags = {"nu": record["n_u"], "ntheta": record["n_theta"], "latch": supervision["latch"],
+             "has_phase": "phase" in members,
              "has_mode": "mode" in members, "counts_hold": "hold" in members}
     values |= {f"CASE_{name.upper()}": f"{value}U" for name, value in numbers.items()}
     values |= {f"CASE_{name.upper()}": f"{int(value)}" for name, value in flags.items()}

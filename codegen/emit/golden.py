@@ -4,8 +4,8 @@ The run visits every mode and has samples within bounds, samples at the ends of 
 (faults), missing measurements, a quiet stretch in which the guarantee returns, and then in each mode a missing
 measurement between two good ones, so that each coefficient of each map matters to some number. Where radii follow the
 magnitude of x the tail also puts one bound of all framers to the end of the range first, so that either bound is the
-larger one. It need not be a possible run of the plant: its purpose is to notice a compiler, an option or a machine that calculates
-differently.
+larger one. It need not be a possible run of the plant: its purpose is to notice a compiler, an option or a machine
+that calculates differently.
 """
 
 from __future__ import annotations

@@ -25,7 +25,6 @@ def tools():
 @pytest.mark.parametrize("setting", run.QUICK, ids=lambda s: f"{s.observer}-{s.n}-{s.modes}-{s.target}")
 def test_quick_rows(tools, setting):
     """literal and table need no more instructions than any rival here, loop no more flash, all near the bound."""
-    pytest.importorskip("casadi")
     records = run.run_one(setting, NAMES)
     (line,) = table.lines([{k: str(v) for k, v in r.items()} for r in records])
     assert {r["candidate"] for r in records} == {"literal", "table", "loop", *NAMES}
