@@ -1,7 +1,7 @@
 """Mutation test of generated folders: ``python c_tests/mutate.py [--sample N] [FOLDER ...]``.
 
-Changes one place of the C at a time and runs the unit tests and the golden test; a mutant that they all pass has
-survived, unless the compiler warns of it as run.py asks. Survivors are accepted if the compiler makes the same
+Changes one place of the C at a time and runs the unit tests, the golden test and random calls (random_calls.c); a
+mutant that they all pass has survived, unless the compiler warns of it as run.py asks. Survivors are accepted if the compiler makes the same
 object code of them (at -O2), or if EQUIVALENT.md lists them with a reason. Default: every mutant of every folder
 in generated/.
 """
@@ -99,14 +99,25 @@ class Bench:
         tests = [*UNIT_TESTS, folder.resolve() / f"test_{self.prefix}.c"]
         for i, test in enumerate(tests):
             self.gcc(["-O1", "-c", f"-Dmain=test_{i}", f"-I{scratch}", f"-I{HERE}", test, "-o", scratch / f"{i}.o"])
-        calls = " || ".join(f"test_{i}()" for i in reversed(range(len(tests))))
-        declarations = "".join(f"int test_{i}(void);\n" for i in range(len(tests)))
-        (scratch / "main.c").write_text(f"{declarations}int main(void) {{ return ({calls}) ? 1 : 0; }}\n")
+        self.gcc(["-O1", "-c", f"-I{scratch}", f"-I{HERE}", HERE / "random_calls.c", "-o", scratch / "random.o"])
+        calls = [*(f"test_{i}() != 0" for i in reversed(range(len(tests)))), f"random_calls() != {self.digest()}U"]
+        declarations = "uint32_t random_calls(void);\n" + "".join(f"int test_{i}(void);\n" for i in range(len(tests)))
+        (scratch / "main.c").write_text(f"#include <stdint.h>\n{declarations}"
+                                        f"int main(void) {{ return ({' || '.join(calls)}) ? 1 : 0; }}\n")
         self.gcc(["-c", scratch / "main.c", "-o", scratch / "main.o"])
-        self.objects = [scratch / "main.o", *(scratch / f"{i}.o" for i in range(len(tests)))]
+        self.objects = [scratch / "main.o", scratch / "random.o", *(scratch / f"{i}.o" for i in range(len(tests)))]
         self.original = self.object_code(self.text, scratch / "original")
         if self.killed(self.text, scratch / "itself") is not False:
             raise RuntimeError(f"{folder}: the tests fail on the C as it is")
+
+    def digest(self) -> int:
+        """What the random calls answer on the C as it is."""
+        place = self.scratch / "digest"
+        place.with_suffix(".c").write_text("#include <stdint.h>\n#include <stdio.h>\nuint32_t random_calls(void);\n"
+                                           'int main(void) { printf("%lu", (unsigned long)random_calls()); }\n')
+        sources = [place.with_suffix(".c"), self.scratch / "random.o", self.folder / f"{self.prefix}.c"]
+        self.gcc([*TRAPS, *sources, "-o", place])
+        return int(subprocess.run([place], capture_output=True, text=True, check=True, timeout=10).stdout)
 
     def gcc(self, arguments: list, flags: list = FLAGS) -> bool:
         """Compile; whether the compiler accepts it."""

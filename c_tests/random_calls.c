@@ -1,0 +1,97 @@
+/*
+ * Random calls from random states, for mutate.py: their answers as one number. Framers lie anywhere in the ranges, so
+ * that each coefficient, bound and magnitude decides somewhere; that the answers are right is for the comparison with
+ * the numpy reference to say (tests/sil), which is with == on the same C.
+ */
+#include "bench.h"
+
+uint32_t random_calls(void);
+
+static uint32_t seed;
+
+static uint32_t draw(uint32_t below)
+{
+    seed = (seed * 1664525U) + 1013904223U;
+    return (seed >> 8U) % below;
+}
+
+static T(real) between(T(real) lo, T(real) hi)
+{
+    const T(real) value = lo + ((hi - lo) * ((T(real))draw(65536U) / 65536));
+
+    return (value < lo) ? lo : ((value > hi) ? hi : value);
+}
+
+static void any_inputs(T(in) *in)
+{
+    in->mode = draw(M(MODES));
+#if CASE_NU > 0
+    for (uint32_t i = 0U; i < M(NU); i++)
+    {
+        in->u[i] = between(u_lo[i], u_hi[i]);
+    }
+#endif
+#if CASE_NTHETA > 0
+    for (uint32_t i = 0U; i < M(NTHETA); i++)
+    {
+        in->theta[i] = between(theta_lo[in->mode][i], theta_hi[in->mode][i]);
+    }
+#endif
+    for (uint32_t i = 0U; i < M(NY); i++)
+    {
+        in->y[i] = between(y_lo[i], y_hi[i]);
+    }
+}
+
+static void any_framers(T(state) *s)
+{
+    for (uint32_t i = 0U; i < M(NX); i++)
+    {
+        /* Wide, narrow or a point, so that sums of every size meet their offsets. */
+        const T(real) end = x_lo[i] + ((x_hi[i] - x_lo[i]) / (T(real))(1U << draw(12U)));
+
+        s->x_lo[i] = between(x_lo[i], x_hi[i]);
+        s->x_hi[i] = s->x_lo[i] + between(0, end - x_lo[i]);
+        s->x_hi[i] = (s->x_hi[i] > x_hi[i]) ? x_hi[i] : s->x_hi[i];
+        if (draw(8U) == 0U)
+        {
+            s->x_lo[i] /= 4096;
+            s->x_hi[i] /= 4096;
+        }
+    }
+}
+
+static uint32_t add(uint32_t digest, const void *object, uint32_t size)
+{
+    const unsigned char *byte = (const unsigned char *)object;
+
+    for (uint32_t i = 0U; i < size; i++)
+    {
+        digest = (digest ^ byte[i]) * 16777619U;
+    }
+    return digest;
+}
+
+uint32_t random_calls(void)
+{
+    uint32_t digest = 2166136261U;
+
+    seed = 1U;
+    for (uint32_t n = 0U; n < 2000U; n++)
+    {
+        bench b;
+
+        start(&b);
+        for (uint32_t call = 0U; call < 4U; call++)
+        {
+            any_inputs(&b.in);
+            if (call > 0U)
+            {
+                any_framers(&b.s);
+            }
+            digest += (uint32_t)((draw(4U) != 0U) ? T(step)(&b.s, &b.in, &b.out) : T(predict)(&b.s, &b.in, &b.out));
+            digest = add(add(digest, &b.s, (uint32_t)sizeof(b.s)), &b.out, (uint32_t)sizeof(b.out));
+        }
+    }
+    return digest;
+}
