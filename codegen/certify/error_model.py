@@ -106,6 +106,7 @@ class ErrorModel:
                         push = offset[i] + apart[i] + demand.rounding(offset[i], t.real) + demand.computed + moved[i]
                         push += dot(A[i], exact.box) + dot(B[i], exact.u_true) + noise[0][i] + noise[1][i]
                         push += dot(unknown[0][i], exact.box) + dot(unknown[1][i], exact.u_true)
+                        push += dot(s.G.most()[i], exact.u_err) + dot(abs(L[i]) + abs(s.N[i]), exact.y_err)
                         self.push[side][k][i] = max(self.push[side][k][i], push)
 
     def _apart(self, exact, q: int, L: Array) -> Array:
@@ -143,7 +144,10 @@ class ErrorModel:
         for i, x in enumerate(offset):
             margin = x - along[i] - fall[i] - max(r[i] for r in falls) + apart[i]
             # Least favourable magnitude: a noise that never vanishes can make the slack negative.
-            slack.append(max(x + against[i] + margin, abs(fall[i] + max(r[i] for r in falls))))
+            never = abs(fall[i] + max(r[i] for r in falls))
+            if t.vary is not None and t.vary.parameters:  # inside the box of theta it may be less than at the corners
+                never = max(fall[i] + max(r[i] for r in falls), rise[i] + max(r[i] for r in rises))
+            slack.append(max(x + against[i] + margin, never))
             push.append(x + against[i] + rise[i] + max(r[i] for r in rises) + margin)
         return slack, np.array(push, dtype=object)
 
