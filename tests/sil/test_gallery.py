@@ -39,20 +39,34 @@ def signals(plant, real, seed=1):
     y[rng.random((RUNS, STEPS)) < 0.02] = np.nan
     y[rng.random((RUNS, STEPS)) < 0.01] *= 100.0
     q[rng.random((RUNS, STEPS)) < 0.005] = plant.n_modes
+    theta = parameters(plant, q, rng)
     # Half of the runs see the plant itself, so that there are samples without alarm.
     for r in range(0, RUNS, 2):
-        y[r] = truth(plant, u[r], q[r] % plant.n_modes, rng)
-    return u.astype(real), y.astype(real), q
+        y[r] = truth(plant.observed, u[r], q[r] % plant.n_modes, theta[r], rng)
+    return u.astype(real), y.astype(real), q, theta.astype(real)
 
 
-def truth(plant, u, q, rng):
+def parameters(plant, q, rng):
+    """Measured parameters random in the box of their mode, at its ends, sometimes beyond; (RUNS, STEPS, J)."""
+    boxes = [(m.theta_lo, m.theta_hi) if hasattr(m, "theta_lo") else (np.empty(0),) * 2 for m in plant.observed.modes]
+    lo, hi = (np.array([b[i] for b in boxes])[q % plant.n_modes] for i in (0, 1))
+    value = lo + (hi - lo) * rng.random(lo.shape)
+    value = np.where(rng.random(lo.shape) < 0.3, np.where(rng.random(lo.shape) < 0.5, lo, hi), value)
+    value[rng.random(q.shape) < 0.003] *= 50.0
+    return value
+
+
+def truth(plant, u, q, theta, rng):
     x = plant.x0_lo + (plant.x0_hi - plant.x0_lo) * rng.random(plant.n_x)
     lo, hi = plant.limits("y")
     out = np.empty((STEPS, plant.n_y))
     for k in range(STEPS):
         m = plant.modes[q[k]]
         out[k] = m.C @ x + m.D @ u[k] + m.Dv @ np.where(rng.random(plant.n_v) < 0.5, m.v_lo, m.v_hi)
-        x = m.A @ x + m.B @ u[k] + m.Bw @ np.where(rng.random(plant.n_w) < 0.5, m.w_lo, m.w_hi)
+        A, B = m.A, m.B
+        if len(theta[k]):
+            A, B = A + np.tensordot(theta[k], m.A_theta, 1), B + np.tensordot(theta[k], m.B_theta, 1)
+        x = A @ x + B @ u[k] + m.Bw @ np.where(rng.random(len(m.w_lo)) < 0.5, m.w_lo, m.w_hi)
     return np.clip(out, lo, hi)
 
 
@@ -64,8 +78,8 @@ def reference():
     def answers(name, real):
         if (name, real) not in cache:
             design = design_of(name)
-            u, y, q = signals(design.plant, real)
-            cache[name, real] = (u, y, q, design.observer.run_many(u, y, q, real))
+            u, y, q, theta = signals(design.plant, real)
+            cache[name, real] = (u, y, q, theta, design.observer.run_many(u, y, q, real, theta=theta))
         return cache[name, real]
 
     return answers
@@ -75,9 +89,9 @@ def reference():
 @pytest.mark.parametrize("real", ["float32", "float64"])
 @pytest.mark.parametrize("name", DESIGNS)
 def test_c_equals_reference(name, real, layout, reference, tmp_path):
-    u, y, q, expected = reference(name, real)
+    u, y, q, theta, expected = reference(name, real)
     driver = build(generate(design_of(name), tmp_path / "c", real=real, layout=layout))
-    assert driver.run_many(u, y, q).differs(expected) == []
+    assert driver.run_many(u, y, q, theta=theta).differs(expected) == []
     assert RUNS * STEPS >= 10**5
     # The signals do reach what there is to reach.
     assert expected.alarm.any() and not expected.alarm.all() and expected.assured.any()
@@ -87,7 +101,7 @@ def test_c_equals_reference(name, real, layout, reference, tmp_path):
 def test_a_changed_constant_shows(reference, tmp_path):
     """The comparison is not blind: one offset off by a unit in the last place, and it fails."""
     name = "emps_tnl-interval"
-    u, y, q, expected = reference(name, "float32")
+    u, y, q, theta, expected = reference(name, "float32")
     folder = generate(design_of(name), tmp_path / "c", real="float32", layout="literal")
     t = design_of(name).observer.tables["float32"]
     from codegen.emit.cprint import literal

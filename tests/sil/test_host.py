@@ -29,7 +29,8 @@ def bench(request, tmp_path_factory):
     truths = [simulate(design.plant, scenario, seed=seed) for seed in range(SEEDS)]
     u, y = (np.stack([getattr(t, name)[:STEPS] for t in truths]).astype(driver.real) for name in "uy")
     y[1, 7] = np.nan  # a missing measurement
-    return design, driver, u, y, np.stack([t.q[:STEPS] for t in truths]).astype(np.uint32)
+    theta = np.stack([t.theta[:STEPS] for t in truths])[:, :, driver.record["theta_columns"]].astype(driver.real)
+    return design, driver, u, y, np.stack([t.q[:STEPS] for t in truths]).astype(np.uint32), np.ascontiguousarray(theta)
 
 
 def passed(driver, call):
@@ -52,31 +53,32 @@ def address(array):
 
 
 def test_the_c_reads_and_writes_the_callers_arrays(bench):
-    _, driver, u, y, q = bench
-    addresses, trace = passed(driver, lambda: driver.run_many(u, y, q))
-    assert addresses[:5] == [address(u), address(y), address(q), 0, 0]
-    assert addresses[5:] == [address(getattr(trace, name)) for name in OUTPUTS]
-    addresses, trace = passed(driver, lambda: driver.run(u[2], y[2], q[2]))  # a row of a batch is contiguous too
-    assert addresses[:3] == [address(u[2]), address(y[2]), address(q[2])]
-    assert addresses[5:] == [address(getattr(trace, name)) for name in OUTPUTS]
+    _, driver, u, y, q, theta = bench
+    addresses, trace = passed(driver, lambda: driver.run_many(u, y, q, theta=theta))
+    assert addresses[:6] == [address(u), address(y), address(theta), address(q), 0, 0]
+    assert addresses[6:] == [address(getattr(trace, name)) for name in OUTPUTS]
+    addresses, trace = passed(driver, lambda: driver.run(u[2], y[2], q[2], theta[2]))  # a row of a batch is contiguous too
+    assert addresses[:4] == [address(u[2]), address(y[2]), address(theta[2]), address(q[2])]
+    assert addresses[6:] == [address(getattr(trace, name)) for name in OUTPUTS]
     # The control: what does not fit arrives at another place.
-    addresses, _ = passed(driver, lambda: driver.run_many(np.asfortranarray(u), y.astype(float), q.astype(np.int64)))
+    addresses, _ = passed(driver, lambda: driver.run_many(np.asfortranarray(u), y.astype(float), q.astype(np.int64),
+                                                           theta=theta))
     assert not {address(y), address(q)} & set(addresses)
 
 
 def test_many_runs_equal_single_ones(bench):
     """Seeds in one call, each from its own box: nothing leaks from one run into the next."""
-    design, driver, u, y, q = bench
-    together = driver.run_many(u, y, q, copy=False)
-    assert together.differs(design.observer.run_many(u, y, q, driver.real)) == []
+    design, driver, u, y, q, theta = bench
+    together = driver.run_many(u, y, q, copy=False, theta=theta)
+    assert together.differs(design.observer.run_many(u, y, q, driver.real, theta=theta)) == []
     for i in range(SEEDS):
-        assert driver.run(u[i], y[i], q[i], copy=False).differs(together.row(i)) == []
-    assert driver.run(u[0], y[0], q[0]).differs(together.row(2))  # another seed is another run
+        assert driver.run(u[i], y[i], q[i], theta[i], copy=False).differs(together.row(i)) == []
+    assert driver.run(u[0], y[0], q[0], theta[0]).differs(together.row(2))  # another seed is another run
     lo, hi = design.plant.limits("x")
     boxes = np.linspace(0.1, 1.0, SEEDS)[:, None]
-    together = driver.run_many(u, y, q, boxes * lo, boxes * hi)
+    together = driver.run_many(u, y, q, boxes * lo, boxes * hi, theta=theta)
     for i in range(SEEDS):
-        assert driver.run(u[i], y[i], q[i], x0_lo=boxes[i] * lo, x0_hi=boxes[i] * hi).differs(together.row(i)) == []
+        assert driver.run(u[i], y[i], q[i], theta[i], boxes[i] * lo, boxes[i] * hi).differs(together.row(i)) == []
     assert not np.array_equal(together.x_hi[0, 0], together.x_hi[-1, 0])
 
 
@@ -90,9 +92,9 @@ def unaligned(array):
 
 
 def test_what_would_be_copied_is_refused_on_request(bench):
-    _, driver, u, y, q = bench
+    _, driver, u, y, q, theta = bench
     other = {"float32": "float64", "float64": "float32"}[driver.real]
-    expected = driver.run_many(u, y, q)
+    expected = driver.run_many(u, y, q, theta=theta)
     for name, wrong, message in (
             ("y", y.astype(other), rf"y: {other}, contiguous \(expected {driver.real}, contiguous"),
             ("y", y.astype(y.dtype.newbyteorder()), "y: >f"),
@@ -100,31 +102,36 @@ def test_what_would_be_copied_is_refused_on_request(bench):
             ("y", unaligned(y), r"y: float.*np\.require\(y, "),
             ("q", q.astype(np.int64), r"q: int64, contiguous \(expected uint32"),
             ("q", np.asfortranarray(q), "q: uint32, not contiguous")):
-        given = {"u": u, "y": y, "q": q} | {name: wrong}
+        given = {"u": u, "y": y, "q": q, "theta": theta} | {name: wrong}
         with pytest.raises(ValueError, match=message):
             driver.run_many(**given, copy=False)
         assert driver.run_many(**given).differs(expected) == []  # else it is converted
     if u.size:
         with pytest.raises(ValueError, match=f"u: {other}, contiguous"):
-            driver.run_many(u.astype(other), y, q, copy=False)
+            driver.run_many(u.astype(other), y, q, copy=False, theta=theta)
 
 
 def test_what_does_not_fit_is_named(bench):
-    _, driver, u, y, q = bench
+    _, driver, u, y, q, theta = bench
     with pytest.raises(ValueError, match=r"u: shape \(5, 119, "):
-        driver.run_many(u[:, 1:], y, q)
+        driver.run_many(u[:, 1:], y, q, theta=theta)
     with pytest.raises(ValueError, match=r"y: shape \(4, 120, "):
-        driver.run_many(u, y[1:], q)
+        driver.run_many(u, y[1:], q, theta=theta)
     with pytest.raises(ValueError, match="y: shape"):
-        driver.run(u[0], y, q[0])
+        driver.run(u[0], y, q[0], theta[0])
     with pytest.raises(ValueError, match=rf"y: shape \(5, {y.shape[2]}, 120\) \(expected \(5, 120, {y.shape[2]}\)\)"):
-        driver.run_many(u, y.transpose(0, 2, 1), q)
+        driver.run_many(u, y.transpose(0, 2, 1), q, theta=theta)
     with pytest.raises(ValueError, match="q: float64 of shape"):
         driver.run_many(u, y, q.astype(float))
     with pytest.raises(ValueError, match="y: complex128 .expected real numbers"):
         driver.run_many(u, y + 1j * y.astype(float), q)
     with pytest.raises(ValueError, match="y: <U3 .expected real numbers"):
         driver.run_many(u, np.full(y.shape, "0.1"), q)
+    if theta.size:
+        with pytest.raises(ValueError, match=r"theta: missing \(expected shape \(5, 120, "):
+            driver.run_many(u, y, q)
+        with pytest.raises(ValueError, match=r"theta: shape \(5, 119, "):
+            driver.run_many(u, y, q, theta=theta[:, 1:])
 
 
 def test_validation_drives_all_scenarios_in_one_call(bench):
@@ -148,7 +155,7 @@ def test_validation_drives_all_scenarios_in_one_call(bench):
     for scenario, o in zip(short.scenarios, outcomes):
         truth = simulate(short, scenario, seed=3)
         assert len(o.truth.q) == len(o.trace.status) == scenario.steps and o.passed
-        assert o.trace.differs(driver.run(truth.u, truth.y, truth.q)) == []
+        assert o.trace.differs(driver.run(truth.u, truth.y, truth.q, truth.theta)) == []
     names = [scenarios[-1].name]
     assert [o.scenario.name for o in validate(design, driver, names)] == names
     assert validate(design, driver, ["none"]) == []
