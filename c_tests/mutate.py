@@ -1,9 +1,9 @@
 """Mutation test of generated folders: ``python c_tests/mutate.py [--sample N] [FOLDER ...]``.
 
 Changes one place of the C at a time and runs the unit tests, the golden test and random calls (random_calls.c); a
-mutant that they all pass has survived, unless the compiler warns of it as run.py asks. Survivors are accepted if the compiler makes the same
-object code of them (at -O2), or if EQUIVALENT.md lists them with a reason. Default: every mutant of every folder
-in generated/.
+mutant that they all pass has survived, unless the compiler warns of it as run.py asks. Survivors are accepted if the
+compiler makes the same object code of them (at -O2), or if EQUIVALENT.md lists them with a reason. Default: every
+mutant of every folder in generated/.
 """
 
 from __future__ import annotations

@@ -29,6 +29,10 @@ static void any_inputs(T(in) *in)
     for (uint32_t i = 0U; i < M(NU); i++)
     {
         in->u[i] = between(u_lo[i], u_hi[i]);
+        if ((draw(8U) == 0U) && (u_lo[i] <= 0) && (u_hi[i] >= 0)) /* small ones too: their sign may decide */
+        {
+            in->u[i] /= 65536;
+        }
     }
 #endif
 #if CASE_NTHETA > 0
@@ -57,6 +61,15 @@ static void any_framers(T(state) *s)
         {
             s->x_lo[i] /= 4096;
             s->x_hi[i] /= 4096;
+        }
+        else if (draw(8U) == 0U) /* far outside: what follows is cut */
+        {
+            s->x_lo[i] *= 1024;
+            s->x_hi[i] *= 1024;
+        }
+        else
+        {
+            /* as they are */
         }
     }
 }

@@ -318,9 +318,15 @@ def _parameter_check(names: Names, lo: Array, hi: Array) -> RangeCheck:
                       for j, (a, b) in enumerate(zip(lo[0], hi[0])))
         return RangeCheck(name, "theta", what, (lines,), (), (), ())
     size = f"[{names.macro}_MODES][{names.macro}_NTHETA]"
+    apart = {label: np.any(values != values[0]) for label, values in (("least", lo), ("most", hi))}
     tables = tuple(Table(label, size, (), tuple(f"{initialiser(row, names.real)}," for row in values))
-                   for label, values in (("least", lo), ("most", hi)))
-    lines = tuple(f"(in->theta[{j}] >= least[in->mode][{j}]) && (in->theta[{j}] <= most[in->mode][{j}])"
+                   for label, values in (("least", lo), ("most", hi)) if apart[label])
+
+    def end(label: str, values: Array, j: int) -> str:
+        same = np.all(values[:, j] == values[0, j])
+        return literal(values[0, j], names.real) if same else f"{label}[in->mode][{j}]"
+
+    lines = tuple(f"(in->theta[{j}] >= {end('least', lo, j)}) && (in->theta[{j}] <= {end('most', hi, j)})"
                   for j in range(lo.shape[1]))
     return RangeCheck(name, "theta", what, (lines,), (), (), tables)
 

@@ -59,20 +59,14 @@ static bool zammali_lpv_dt_y_accepted(const zammali_lpv_dt_in *in)
  */
 static bool zammali_lpv_dt_theta_accepted(const zammali_lpv_dt_in *in)
 {
-    static const zammali_lpv_dt_real least[ZAMMALI_LPV_DT_MODES][ZAMMALI_LPV_DT_NTHETA] = {
-        { 0.5F, 0.5F },
-        { 0.5F, 0.5F },
-        { 0.5F, 0.5F },
-    };
-
     static const zammali_lpv_dt_real most[ZAMMALI_LPV_DT_MODES][ZAMMALI_LPV_DT_NTHETA] = {
         { 1.0F, 1.0F },
         { 2.0F, 2.0F },
         { 3.0F, 3.0F },
     };
 
-    return (in->theta[0] >= least[in->mode][0]) && (in->theta[0] <= most[in->mode][0])
-        && (in->theta[1] >= least[in->mode][1]) && (in->theta[1] <= most[in->mode][1]);
+    return (in->theta[0] >= 0.5F) && (in->theta[0] <= most[in->mode][0])
+        && (in->theta[1] >= 0.5F) && (in->theta[1] <= most[in->mode][1]);
 }
 
 /*

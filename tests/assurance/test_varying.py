@@ -131,7 +131,7 @@ MUTANTS = {  # pattern, replacement: of any C with parameters or radii
     "local that nobody reads": (r"(const \w+_real lo_0)", r"const \g<1>9 = 1.0F; \1"),
     "defined twice": (r"(const \w+_real )(lo_0)( =)", r"\1\2 = 1.0F; \1\2\3"),
     "bound of theta": (r"(in->theta\[0\]) >= ", r"\1 > "),
-    "other bound of theta": (r"least(\[in->mode\])", r"most\1"),
+    "other bound of theta": (r"(in->theta\[0\] >= )(?:-?[\d.e+-]+F?|least\[in->mode\]\[0\])\)", r"\g<1>-77.0F)"),
     "bound of another parameter": (r"(in->theta\[)0(\] <=)", r"\g<1>1\2"),
     "bounds of the first mode": (r"most\[in->mode\]", "most[0U]"),
     "more compared": (r"(in->theta\[0\] >= [^)]*\))", r"\1 && (in->y[0] >= 0.0F)"),

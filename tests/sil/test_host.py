@@ -57,7 +57,7 @@ def test_the_c_reads_and_writes_the_callers_arrays(bench):
     addresses, trace = passed(driver, lambda: driver.run_many(u, y, q, theta=theta))
     assert addresses[:6] == [address(u), address(y), address(theta), address(q), 0, 0]
     assert addresses[6:] == [address(getattr(trace, name)) for name in OUTPUTS]
-    addresses, trace = passed(driver, lambda: driver.run(u[2], y[2], q[2], theta[2]))  # a row of a batch is contiguous too
+    addresses, trace = passed(driver, lambda: driver.run(u[2], y[2], q[2], theta[2]))  # a row: contiguous too
     assert addresses[:4] == [address(u[2]), address(y[2]), address(theta[2]), address(q[2])]
     assert addresses[6:] == [address(getattr(trace, name)) for name in OUTPUTS]
     # The control: what does not fit arrives at another place.
