@@ -224,7 +224,8 @@ def scheduled(base: Array, slopes: Array, theta: Array) -> Array:
     return base
 
 
-def propagate(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: Array, y_next: Array, theta: Array):
+def propagate(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: Array, y_next: Array,
+              theta: Array | None = None):
     """One step of both framers from sample k to k+1 with the mode q of sample k.
 
     Parameters
@@ -235,7 +236,7 @@ def propagate(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: 
     y, y_next : ndarray (S, n_y)
         y at k, and y at k+1 (multiplied by N; pass zeros for the classical observer).
     theta : ndarray (S, J)
-        Measured parameters of the step; (S, 0) where there are none.
+        Measured parameters of the step; (S, 0) or nothing where the tables are constant.
 
     Returns
     -------
