@@ -71,7 +71,8 @@ def assumed(design, tables, monitors_dwell: bool) -> tuple[str, ...]:
     plant = design.plant
     period = f"{plant.sample_period:g} s"
     told = "its true mode from this sample to the next" if not plant.switching.late else (
-        "its mode from this sample to the next or still that of the step before; every mode is told for a sample at least")
+        "its mode from this sample to the next or still that of the step before; every mode is told for a sample at "
+        "least")
     items = [f"The plant is the one of the plant file, and in->mode is {told}.",
              f"Every sample period ({period}) there is exactly one call of step or predict.",
              "At the call of init the state is in its initial box; at all times it is in its range. The range "

@@ -1,18 +1,22 @@
 """A mode told one sample late: the bounds of both modes joined contain the exact state; either mode's alone do not."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from exact import campaign, false_alarms, feed, lost
 
 from codegen.certify.error_model import ErrorModel
+from codegen.designs import read_design
+from codegen.emit.package import files
 from codegen.errors import DesignError
 from codegen.observers.tnl import TnlObserver
 from codegen.pipeline import design as make
 from codegen.plant.load import gallery_folder, loads
 from codegen.plant.simulate import simulate, told
 
+GENERATED = Path(__file__).resolve().parents[2] / "generated" / "zammali_fd_tnl-interval"
 LATE = '[switching]\nlate = true\n\n[[scenario]]'
 
 
@@ -85,3 +89,10 @@ def test_other_methods_and_criteria_say_why_not(design):
         make(loads(late_text(), "late"), "tnl-interval")
     with pytest.raises(DesignError, match="union of two framers"):
         make(loads(late_text(), "late"), "tnl-interval-lpv", criterion="linf")
+
+
+def test_the_header_says_what_is_told(design):
+    header = files(design, measure=False)["zammali_fd.h"]
+    assert "still that of the step" in " ".join(header.replace("*", " ").split())
+    plain = files(read_design(GENERATED), measure=False)["zammali_fd.h"]
+    assert "its true mode" in plain and "still that of" not in " ".join(plain.replace("*", " ").split())
