@@ -68,8 +68,7 @@ def _parameters(p: Plant) -> Table:
     """List what is known of each parameter: bounds per mode where they differ, rate, measurement."""
     rows = table("\nparameters", "theta", "bounds", "rate per s", "measured", "error")
     for j, s in enumerate(p.theta):
-        limits = [(s.lo, s.hi) if m.theta_bounds is None else (m.theta_bounds[0][j], m.theta_bounds[1][j])
-                  for m in p.modes]
+        limits = [(lo[j], hi[j]) for lo, hi in map(p.theta_box, p.modes)]
         spans = [f"{number(lo)} to {number(hi)}" for lo, hi in limits]
         rows.add_row(s.name, spans[0] if len(set(limits)) == 1 else
                      "; ".join(f"{m.name}: {span}" for m, span in zip(p.modes, spans)),

@@ -125,8 +125,7 @@ def parameter(axis: Axes, run: Run, j: int) -> None:
     signal, value = run.plant.theta[j], run.truth.theta[run.window, j]
     index = pick(value[:, None], BUCKETS)
     axis.plot(run.time[index], value[index], color=MODE, linewidth=1.1)
-    own = [(signal.lo, signal.hi) if m.theta_bounds is None else (m.theta_bounds[0][j], m.theta_bounds[1][j])
-           for m in run.plant.modes]
+    own = [(lo[j], hi[j]) for lo, hi in map(run.plant.theta_box, run.plant.modes)]
     for limits in np.array(own).T if len(set(own)) == 1 else ():
         axis.axhline(limits[0], color=EDGE, linewidth=0.8, linestyle="--")
     if len(set(own)) > 1:

@@ -12,7 +12,7 @@ from itertools import product as corners_of
 import numpy as np
 from flint import fmpq
 
-from .exact import Q, product, rational, zeros
+from .exact import product, rational, zeros
 from .rounding import input_error, sum_error
 
 Array = np.ndarray
@@ -172,6 +172,3 @@ def radius_terms(R_row, S_row, L_most, E_row, box, u_max, real: str) -> tuple[fm
     terms = [*zip(R_row, box), *zip(S_row, u_max)]
     terms += list(zip(E_row, L_most))
     return sum_error(terms, real)
-
-
-__all__ = ["Affine", "Q", "Scheduled", "exact_mode", "noise_need", "noise_size", "pairs", "radius_terms"]

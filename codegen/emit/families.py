@@ -85,10 +85,9 @@ def late_specs(forward: Varying, blind: Varying, names: Names) -> tuple[Varying,
     out = []
     for v in (forward, blind):
         parameters = (f"const {p}_state *s", f"const {p}_in *in", f"{p}_out *out")
-        tail = tuple(line for line in v.spec.tail)
         heading = (*v.spec.equation, "of the mode that is told now, which may have been that of the last step")
         out.append(replace(v, spec=replace(v.spec, name=f"{v.spec.name}_late", equation=heading, parameters=parameters,
-                                           selector="in->mode", index="in->mode", tail=tail)))
+                                           selector="in->mode", index="in->mode")))
     return out[0], out[1]
 
 

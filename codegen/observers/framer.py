@@ -278,10 +278,7 @@ def add_chosen_terms(total: Array, matrix: Array, flipped: Array, own: Array, ot
 
 def add_signed_terms(total: Array, matrix: Array, below: Array, above: Array) -> Array:
     """Add ``pos(matrix) @ above - neg(matrix) @ below`` column by column (interval product, one bound)."""
-    for j in range(matrix.shape[2]):
-        column = matrix[:, :, j]
-        total = total + column * np.where(column >= 0, above[:, j, None], below[:, j, None])
-    return total
+    return add_chosen_terms(total, matrix, matrix < 0, above, below)
 
 
 def open_loop(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array):

@@ -298,6 +298,15 @@ class Plant:
         signals = getattr(self, vector)
         return np.array([s.lo for s in signals]), np.array([s.hi for s in signals])
 
+    def theta_box(self, mode: Mode) -> tuple[Array, Array]:
+        """Return the bounds of all parameters in a mode: its own where it gives some.
+
+        Returns
+        -------
+        lo, hi : ndarray (n_theta,)
+        """
+        return self.limits("theta") if mode.theta_bounds is None else mode.theta_bounds
+
 
 @dataclass(frozen=True)
 class PlantTrace:

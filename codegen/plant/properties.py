@@ -12,7 +12,6 @@ from itertools import product
 import numpy as np
 
 from .model import Mode, Plant
-from .uncertain import theta_box
 
 Array = np.ndarray
 
@@ -92,7 +91,7 @@ def properties(plant: Plant) -> list[ModeProperties]:
 
 def _corners(plant: Plant, mode: Mode):
     """Yield A and C at every corner of the parameters' box in a mode; once where there are none."""
-    for corner in product(*zip(*theta_box(plant, mode))):
+    for corner in product(*zip(*plant.theta_box(mode))):
         yield tuple(sum((value * slope for value, slope in zip(corner, mode.theta_terms.get(name, ()))),
                         getattr(mode, name)) for name in ("A", "C"))
 

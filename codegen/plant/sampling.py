@@ -34,7 +34,7 @@ from flint import arb, ctx
 
 from ..errors import DesignError
 from .model import Mode, Plant, Signal
-from .uncertain import SCHEDULED, UncertainMode, theta_box
+from .uncertain import SCHEDULED, UncertainMode
 
 Array = np.ndarray
 #: Terms of the series; what is beyond is bounded by its tail.
@@ -200,7 +200,7 @@ def sampled(plant: Plant) -> Plant:
 def _mode(plant: Plant, mode: Mode, order: int) -> UncertainMode:
     n, n_u, h = plant.n_x, plant.n_u, arb(float(plant.sample_period))
     m = n + n_u
-    lo, hi = theta_box(plant, mode)
+    lo, hi = plant.theta_box(mode)
     middle, radius = (balls(lo) + balls(hi)) / 2, (balls(hi) - balls(lo)) / 2
     J = len(plant.theta)
     F0, F = balls(np.zeros((m, m))), [balls(np.zeros((m, m))) for _ in range(J)]

@@ -81,16 +81,9 @@ def observed(plant: Plant) -> Plant:
     return replace(plant, theta=measured, modes=tuple(_parts(plant, mode) for mode in plant.modes))
 
 
-def theta_box(plant: Plant, mode: Mode) -> tuple[Array, Array]:
-    """Bounds of all parameters in a mode (the mode's own where it gives some)."""
-    lo, hi = plant.limits("theta")
-    own = getattr(mode, "theta_bounds", None)
-    return (lo, hi) if own is None else own
-
-
 def _parts(plant: Plant, mode: Mode) -> UncertainMode:
     """Split the parameters of a discrete mode into measured ones, unknowns and measurement errors."""
-    lo, hi = theta_box(plant, mode)
+    lo, hi = plant.theta_box(mode)
     known = np.array([s.measured for s in plant.theta], dtype=bool)
     error = np.array([s.error for s in plant.theta])
     middle, radius = (lo + hi) / 2, (hi - lo) / 2

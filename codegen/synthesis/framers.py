@@ -157,8 +157,8 @@ def candidates_varying(plant, tnl: bool, options: dict, judge, settled, progress
                           '"linf". Without a criterion the design with the smallest surely detected fault is kept.')
     if plant.switching.late and options.get("criterion") == "linf":
         raise DesignError(f'{plant.name}: criterion "linf" is not to be had where the mode is told late, expected '
-                          '"width": '
-                          "the union of two framers may be larger than either in the norm of a quadratic function.")
+                          '"width": the union of two framers may be larger than either in the norm of a quadratic '
+                          "function.")
     problem = Problem.of(plant, tnl, split)
     # Of a continuous plant with measured parameters the caller tells the longest period that has a design.
     reason = None if problem.parameters and plant.kind == "continuous" else obstruction(problem)
