@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -147,7 +147,7 @@ def _assemble(path: Path, data: dict) -> Design:
     if data["format"] != FORMAT:
         raise CertificateError(f"{path}: format {data['format']} (found), expected {FORMAT}. Use the residua that "
                                "wrote it, or design again.")
-    plant = _plant(path, data["plant"]["toml"])
+    plant = replace(_plant(path, data["plant"]["toml"]), options=data["options"])
     sizes = (plant.n_modes, plant.n_x, plant.n_u, plant.n_y)
     tables = {r: FramerTables.from_dict(t, sizes) for r, t in data["tables"].items()}
     observer = FAMILIES[data["family"]](tables, Supervision.from_dict(data["supervision"]))

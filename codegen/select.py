@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -118,6 +118,7 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
         Designs were found, but none survives rounding.
     """
     check_options(plant.name, options)
+    plant = replace(plant, options=dict(options))  # how it is sampled is one of them
     methods = [method] if method else list(METHODS)
     trials, reasons = [], []
     for name in methods:

@@ -81,6 +81,17 @@ class _Reader:
             allowed[f"th_{j}"] = [{operand: Fraction(1, 2) if mean else 1}]
             if mean and (c := self.defined.get(f"th_{j}", {}).get(operand)):
                 self.add("theta_weight", (j,), 0.5, c)
+        for i, (j, k) in enumerate(v.products, len(v.theta)):
+            allowed[f"th_{i}"] = [{f"th_{j} * th_{k}": 1}]
+            self.used |= {f"th_{j}", f"th_{k}"} & self.defined.keys()
+        for i, (change, pace, top) in enumerate(v.paced):
+            new, old = change.split(" - ")
+            allowed |= {f"c_{i}": [{f"+ {new} - {old}": Fraction(pace)}],
+                        f"e_{i}": [{"": Fraction(top), f"c_{i} * c_{i}": -1}], f"g_{i}": [{f"max(+ e_{i}, 0)": 1}]}
+            for name, value, found in (("pace", pace, f"c_{i}"), ("top", top, f"e_{i}")):
+                for c in self.defined.get(found, {}).values():
+                    if c.literal and c.value == Fraction(value):
+                        self.add(name, (i,), value, c)
         for name in self.defined.keys() & allowed.keys():
             self.used.add(name)
             if plain(self.defined[name]) not in allowed[name]:
@@ -119,8 +130,15 @@ class _Reader:
         v = self.v
         names = ("R", "S") if v.slopes else ("Ra", "Sa")
         for name, values, local in zip(names, (v.R, v.S), "ma"):
+            slopes = v.slopes.get(name)
             for j in range(values.shape[2]):
-                self.add(name, (i, j), values[self.q, i, j], apart.pop(f"{local}_{j}", NOWHERE))
+                computed = self.part(apart, f"{name}_{i}_{j}", 1, f" * {local}_{j}")
+                base = computed.pop("", NOWHERE) if f"{name}_{i}_{j}" in self.defined else apart.pop(
+                    f"{local}_{j}", NOWHERE)
+                self.add(name, (i, j), values[self.q, i, j], base)
+                for p in range(0 if slopes is None else slopes.shape[1]):
+                    self.add(f"{name}_pace", (p, i, j), slopes[self.q, p, i, j], computed.pop(f"g_{p}", NOWHERE))
+                self.empty(computed, f"{name}_{i}_{j}")
         for j in range(v.E.shape[2]):
             lo, hi = self.gain_range(i, j)
             gain = f"L_{i}_{j}"

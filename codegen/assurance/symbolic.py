@@ -207,7 +207,7 @@ class Machine:
         if not all(isinstance(part, dict) for part in parts):
             return None
         left, right, true, false = map(plain, parts)
-        if node.cond.op == ">" and left and right and (true, false) == (left, right):
+        if node.cond.op == ">" and left and (true, false) == (left, right):
             return operand(f"max({shown(left)}, {shown(right)})", node.coord.line)
         if node.cond.op == "<" and left and not right and (true, false) == ({k: -c for k, c in left.items()}, left):
             return operand(f"|{shown(left)}|", node.coord.line)
@@ -274,7 +274,7 @@ def shown(values: dict[str, Fraction]) -> str:
     """A sum of operands, each with the factor 1 or -1, as a text."""
     if "" in values or any(abs(c) != 1 for c in values.values()):
         raise ValueError(f"{values} where operands alone belong")
-    return " ".join(f"{'-' if c < 0 else '+'} {name}" for name, c in values.items())
+    return " ".join(f"{'-' if c < 0 else '+'} {name}" for name, c in values.items()) or "0"
 
 
 def _symbol(value: Affine) -> str:

@@ -27,7 +27,7 @@ from flint import fmpq
 
 from .exact import Q, eye, product, rational, zeros
 from .rounding import input_error, sum_error
-from .variation import Affine, Scheduled, exact_mode, noise_need, pairs, radius_terms
+from .variation import Affine, Scheduled, exact_mode, noise_need, pace_needed, pairs
 
 Array = np.ndarray
 
@@ -132,13 +132,15 @@ class Containment:
         for i in range(len(self.box)):
             need = disturbance[i] + noise[i] + max(row[i] for row in later)
             need += dot(left_x[i], self.box) + dot(left_u[i], self.u_true) + dot(s.G.most()[i], self.u_err)
-            need += dot(L_most[i], self.y_err) + dot(s.N[i], self.y_err) + dot(s.S[i], self.u_err)
+            need += dot(L_most[i], self.y_err) + dot(s.N[i], self.y_err) + dot(s.S.most()[i], self.u_err)
             G, slip_G = pairs(s.G, i, self.u_max, self.real)
             L, slip_L = pairs(s.L, i, self.y_max, self.real)
             M, slip_M = pairs(s.M, i, self.box, self.real)
             slip_E = dot(s.E[i], L_slip[i])
-            apart, size = radius_terms(s.R[i], s.S[i], L_most[i] + L_slip[i], s.E[i], self.box, self.u_max, self.real)
-            computed = slip_G + slip_L + slip_M + slip_E + apart
+            R, slip_R = pairs(s.R, i, self.box, self.real)
+            S, slip_S = pairs(s.S, i, self.u_max, self.real)
+            apart, size = sum_error([*R, *S, *zip(s.E[i], L_most[i] + L_slip[i])], self.real)
+            computed = slip_G + slip_L + slip_M + slip_E + slip_R + slip_S + apart
             before, after = [*G, *L, *zip(s.N[i], self.y_max)], [*M, (fmpq(1), size)]
             out.append(Demand(need + computed, before, after, computed))
         return out
@@ -152,8 +154,28 @@ class Containment:
 
     def _lack(self, s: Scheduled, T: Array) -> tuple[Array, Array]:
         """What the unknowns and the rounding of theta do beyond the radii of the tables, elementwise."""
-        (UA, UB), (DA, DB) = s.unknown(T), s.drift(T)
-        return positive(UA - s.R) + DA, positive(UB - s.S) + DB
+        (UA, UB), (DA, DB) = s.unknown(T, -1), s.drift(T)
+        out = [positive(UA - s.R.base) + DA, positive(UB - s.S.base) + DB]
+        for j in sorted({of for of in s.p["paced"] if of >= 0}):
+            more = s.unknown(T, j)
+            if self.paced(j):
+                i = self.t.vary.paced.index(j)
+                more = [positive(U - radius.slopes[i]) for U, radius in zip(more, (s.R, s.S))]
+            out = [a + b for a, b in zip(out, more)]
+        return out[0], out[1]
+
+    def paced(self, j: int) -> bool:
+        """Whether the tables have a radius that shrinks with the change of parameter j, and one that is large enough.
+
+        Where its ``top`` is too small nothing may be taken from it.
+        """
+        v = self.t.vary
+        if v is None or j not in v.paced:
+            return False
+        i = v.paced.index(j)
+        most = max(max(abs(Q(a)), abs(Q(b))) for a, b in zip(v.theta_lo[:, j], v.theta_hi[:, j]))
+        reach = max(Q(p["reach"][j]) for p in self.exact)
+        return Q(v.top[i]) >= pace_needed(v.pace[i], reach, most, self.real)
 
     def blind(self, q: int, side: str) -> list[Demand]:
         """Demands on a_hi[q] or -a_lo[q]: the open-loop prediction, which does not look at theta."""
@@ -165,13 +187,13 @@ class Containment:
             rational(t.vary.Ra[q]), rational(t.vary.Sa[q]))
         s = self.scheduled(q, side)
         UA, UB = s.unknown(eye(n_x))
-        left_x = positive(Affine(p["A"] - A, p["A_theta"], p["theta_lo"], p["theta_hi"]).most() + UA - Ra)
-        left_u = positive(Affine(p["B"] - B, p["B_theta"], p["theta_lo"], p["theta_hi"]).most() + UB - Sa)
+        left_x = positive(Affine(p["A"] - A, p["A_theta"], p["box_lo"], p["box_hi"]).most() + UA - Ra)
+        left_u = positive(Affine(p["B"] - B, p["B_theta"], p["box_lo"], p["box_hi"]).most() + UB - Sa)
         out = []
         for i in range(len(self.box)):
             need = disturbance[i] + dot(left_x[i], self.box) + dot(left_u[i], self.u_true)
             need += dot(B[i], self.u_err) + dot(Sa[i], self.u_err)
-            apart, size = radius_terms(Ra[i], Sa[i], [], [], self.box, self.u_max, self.real)
+            apart, size = sum_error([*zip(Ra[i], self.box), *zip(Sa[i], self.u_max)], self.real)
             after = [*zip(A[i], self.box), (fmpq(1), size)]
             out.append(Demand(need + apart, list(zip(B[i], self.u_max)), after, apart))
         return out

@@ -95,9 +95,9 @@ class ErrorModel:
                 offset = [sign * Q(x) for x in getattr(t, "d_" + side)[p]]
                 for r in exact.exact:
                     A = Affine(signed + product(L, r["C"]) - product(T, r["A"]), [-product(T, a) for a in r["A_theta"]],
-                               r["theta_lo"], r["theta_hi"]).most()
-                    B = Affine(s.G.middle - product(T, r["B"]), [-product(T, b) for b in r["B_theta"]], r["theta_lo"],
-                               r["theta_hi"]).most() + s.G.radius
+                               r["box_lo"], r["box_hi"]).most()
+                    B = Affine(s.G.middle - product(T, r["B"]), [-product(T, b) for b in r["B_theta"]], r["box_lo"],
+                               r["box_hi"]).most() + s.G.radius
                     unknown = [product(abs(T), r[f"{name}_rad"]) + sum((abs(product(T, F)) for F in r[f"{name}_unc"]),
                                                                       abs(product(T, r[name])) * 0) for name in "AB"]
                     moved = sup(-sign * product(T, r["Bw"]), r["w_lo"], r["w_hi"])
@@ -115,7 +115,8 @@ class ErrorModel:
         |L(theta)| E is convex in theta, as |M(theta)| z is: together they are largest at a corner.
         """
         s = exact.scheduled(q, "hi")
-        return np.array([dot(s.R[i], exact.box) + dot(s.S[i], exact.u_max) + dot(s.E[i], abs(L[i]))
+        R, S = s.R.most(), s.S.most()
+        return np.array([dot(R[i], exact.box) + dot(S[i], exact.u_max) + dot(s.E[i], abs(L[i]))
                          for i in range(len(exact.box))], dtype=object)
 
     def _spread(self, exact, q: int) -> Array:

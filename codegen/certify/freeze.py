@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 from .containment import Containment
 from .exact import Q, down, eye, product, rational, up
 from .rounding import UNIT
-from .variation import Affine, exact_mode, noise_size
+from .variation import Affine, exact_mode, noise_size, pace_needed, with_products
 
 Array = np.ndarray
 SIDES = ("hi", "lo")
@@ -94,7 +94,10 @@ def freeze_varying(tables_class, modes, limits: dict, gains: dict, real: str):
         n[name + "_hi"] = n[name + "_lo"] = np.stack([p[name] for p in parts])
     n["A"], n["B"] = (np.stack([p["blind_" + name] for p in parts]) for name in "AB")
     variation = tables_class.__dataclass_fields__["vary"].metadata["type"]
-    known = {"midpoint": bool(gains["midpoint"]), "late": bool(gains["late"]), "columns": tuple(gains["columns"])}
+    known = {"midpoint": bool(gains["midpoint"]), "late": bool(gains["late"]), "columns": tuple(gains["columns"]),
+             "products": getattr(modes[0], "products", ()), **pacing(modes, real)}
+    for name in ("R_pace", "S_pace") if known.get("paced") else ():
+        known[name] = np.stack([p[name] for p in parts])
     vary = variation(**known, L=slopes, **{
         key: np.stack([p[key] for p in parts]) for key in ("theta_lo", "theta_hi", "R", "S", "E", "Ra", "Sa")},
         M=np.stack([p["M_theta"] for p in parts]), G=np.stack([p["G_theta"] for p in parts]))
@@ -110,7 +113,8 @@ def vary_mode(mode, L: Array, N: Array, slopes: Array, n: dict, split: bool, rea
     T = eye(len(p["A"])) - product(N, p["C"])
     lo = [down(x, real) for x in p["theta_lo"]]
     hi = [up(x, real) for x in p["theta_hi"]]
-    box = [rational(np.array(b)) for b in (lo, hi)]
+    box = with_products(*(rational(np.array(b)) for b in (lo, hi)), p["products"])
+    Lj += [abs(L0) * 0] * (len(box[0]) - len(Lj))
     size = abs(p["A"]) + product(abs(product(N, p["C"])), abs(p["A"])) + product(abs(L0), abs(p["C"]))
     reach = [max(abs(a), abs(b)) for a, b in zip(*box)]
     for r, a, g in zip(reach, p["A_theta"], Lj):
@@ -123,20 +127,46 @@ def vary_mode(mode, L: Array, N: Array, slopes: Array, n: dict, split: bool, rea
     out["theta_lo"], out["theta_hi"] = np.array(lo, dtype=real), np.array(hi, dtype=real)
     weight_x = rational(np.maximum(np.abs(n["x_lo"]), np.abs(n["x_hi"])))
     weight_u = rational(np.maximum(np.abs(n["u_lo"]), np.abs(n["u_hi"])))
-    A_mid = Affine(p["A"], p["A_theta"], p["theta_lo"], p["theta_hi"])
-    B_mid = Affine(p["B"], p["B_theta"], p["theta_lo"], p["theta_hi"])
+    A_mid = Affine(p["A"], p["A_theta"], p["box_lo"], p["box_hi"])
+    B_mid = Affine(p["B"], p["B_theta"], p["box_lo"], p["box_hi"])
+    paced = pacing([mode], real).get("paced", ())
     out["blind_A"], out["blind_B"] = nearest(A_mid.middle, real), nearest(B_mid.middle, real)
     for names, T_of, extra in ((("R", "S"), T, (0, 0)), (("Ra", "Sa"), eye(len(T)), (A_mid.radius, B_mid.radius))):
         for name, key, weight, more in zip(names, "AB", (weight_x, weight_u), extra):
             total = product(abs(T_of), p[f"{key}_rad"]) + more
-            for F in p[f"{key}_unc"]:
-                total = total + abs(product(T_of, F))
+            apart = {j: abs(total) * 0 for j in paced}
+            for of, F in zip(p["paced"], p[f"{key}_unc"]):
+                if of in paced and name in "RS":
+                    apart[of] = apart[of] + abs(product(T_of, F))
+                else:
+                    total = total + abs(product(T_of, F))
             out[name] = worthwhile(total, weight, weight_x, real)
+            if paced and name in "RS":
+                out[f"{name}_pace"] = np.stack([worthwhile(apart[j], weight, weight_x, real) for j in paced])
     noise = noise_size(p)
     moved = np.any(np.asarray(slopes) != 0, axis=0) if len(slopes) else np.zeros(L.shape, dtype=bool)
     out["E"] = np.array([[up(noise[j], real) if moved[i, j] else 0.0 for j in range(L.shape[1])]
                          for i in range(len(L))], dtype=real)
     return out
+
+
+def pacing(modes, real: str) -> dict:
+    """Which parameters are paced, and the constants of it ("paced", "pace", "top"); empty where none is.
+
+    ``top`` is searched with ``pace_needed``: a parameter whose rounding is not small against its reach is left out.
+    """
+    reach = getattr(modes[0], "reach", None)
+    found = sorted({int(j) for m in modes for j in (() if reach is None else m.paced) if j >= 0})
+    paced, pace, top = [], [], []
+    for j in found:
+        inverse = down(1 / Q(reach[j]), real)
+        most = max(max(abs(Q(m.theta_lo[j])), abs(Q(m.theta_hi[j]))) for m in modes)
+        need = pace_needed(inverse, Q(reach[j]), Q(up(most, real)), real)
+        if need < fmpq(3, 2):
+            paced.append(j)
+            pace.append(inverse)
+            top.append(up(need, real))
+    return {"paced": tuple(paced), "pace": np.array(pace, real), "top": np.array(top, real)} if paced else {}
 
 
 def closed_entries(M: Affine, size: Array, split: bool, real: str) -> dict[str, Array]:

@@ -26,13 +26,30 @@ class Mode:
         for k in "MGL":
             setattr(self, k, [exact(t[f"{k}_hi"][q]), *exact(v[k][q])])
             demand(t[f"{k}_hi"][q] == t[f"{k}_lo"][q] and t["N_hi"][q] == t["N_lo"][q], "equal gains of both framers")
-        self.N, self.R, self.S, self.E = exact(t["N_hi"][q]), *(exact(v[k][q]) for k in "RSE")
+        self.N, self.E = exact(t["N_hi"][q]), exact(v["E"][q])
         self.box = [(F(a), F(b)) for a, b in zip(v["theta_lo"][q], v["theta_hi"][q])]
         for (lo, hi), c, k in zip(self.box, z["middle"], z["K"]):
             room = 2 * (u * max(abs(c - k), abs(c + k)) + tiny)
             demand(c - k - room <= lo <= c - k and c + k <= hi <= c + k + room, f"theta box of mode {p['name']}")
         self.reach = [max(abs(a), abs(b)) for a, b in self.box]
         self.drift = [(3 if both else 1) * (u * r + tiny) for r in self.reach]  # of p: the caller's rounding, the mean
+        self.products, self.multiplied = v.get("products", []), []
+        for j, k in self.products:  # the firmware rounds the product once
+            ends = [a * b for a, b in product(self.box[j], self.box[k])]
+            self.multiplied.append(u * max(map(abs, ends)) + tiny)
+            self.box.append((min(ends) - self.multiplied[-1], max(ends) + self.multiplied[-1]))
+        self.reach = [max(abs(a), abs(b)) for a, b in self.box]
+        self.L += [times(0, self.L[0]) for _ in self.products]
+        demand(len(self.M) == len(self.G) == len(self.L) == 1 + len(self.box), "a slope for every parameter")
+        self.paced = self.pacing(v, z, both, u, tiny)
+        for k in "RS":
+            parts = [exact(x) for x in v[f"{k}_pace"][q]] if self.paced else []
+            base, reach = exact(v[k][q]), [F(x) for x in v["top"]] if self.paced else []
+            setattr(self, f"{k}_parts", [base, *parts])
+            setattr(self, k, add(base, *map(times, reach, parts)))
+            setattr(self, f"{k}_slip", [[rounding([(e, F(1)), *((x[i][j], r) for x, r in zip(parts, reach))],
+                                                  self.real)[0] if any(x[i][j] for x in parts) else F(0)
+                                         for j, e in enumerate(row)] for i, row in enumerate(base)])
         n = len(t["box"])
         self.T = sub([[F(i == j) for j in range(n)] for i in range(n)], mul(self.N, p["C"]))
         demand(not any(map(any, mul(self.N, p["D"]))), "N D is not zero")
@@ -42,6 +59,18 @@ class Mode:
         self.u_true = [a + b for a, b in zip(self.u, self.u_slip)]
         half, self.mid = [(b - a) / 2 for a, b in p["v"]], [(a + b) / 2 for a, b in p["v"]]
         self.half = [size(row, half) for row in p["Dv"]]
+
+    def pacing(self, v, z, both, u, tiny):
+        """Parameters whose change over a step is used: the computed factor is never below 1 - (change / reach)^2."""
+        for j, pace, top in zip(v.get("paced", []), v.get("pace", []), v.get("top", [])):
+            reach, pace = z["reach"][j], F(pace)
+            demand(both and reach is not None and reach * pace <= 1, f"the change of parameter {j} tells nothing")
+            slip = 2 * (u * self.reach[j] + tiny)
+            slip += u * (reach + slip) + tiny
+            scaled = (reach + slip) * pace * (1 + u) + tiny
+            excess = scaled**2 * (1 + u) + tiny - (reach * pace) ** 2
+            demand(F(top) >= 1 + excess + u * (2 + excess) + tiny, f"factor of parameter {j} may be too small")
+        return v.get("paced", [])
 
     def corners(self, k):
         """A table at every corner of theta."""
@@ -70,7 +99,14 @@ class Mode:
     def left(self, z):
         """|T Phi - L C - M|, |T Phi - L D - G| over the box of theta, for the step z."""
         target = [add([m + g for m, g in zip(M, G)], mul(L, self.p["CD"])) for M, G, L in zip(self.M, self.G, self.L)]
-        return split(left_over(self.T, z, target, self.box, self.drift), len(self.x))
+        out = left_over(self.T, z, target, self.box, self.drift, self.products, self.multiplied)
+        if z is self.z:  # what a paced radius covers is counted here: all that it leaves
+            n, count = len(self.x), len(z["middle"])
+            for j, R, S in zip(self.paced, self.R_parts[1:], self.S_parts[1:]):
+                whole = mag(mul(self.T, z["first"][len(z["first"]) - count + j]))
+                kept = [[min(a, b) for a, b in zip(row, [*r, *s])] for row, r, s in zip(whole, R, S)]
+                out = sub(out, kept)
+        return split(out, len(self.x))
 
     def rows(self, s, later, left):
         """Per state: demand on the offset, terms of the sum before and after it, rounding of inputs and coefficients.
@@ -82,14 +118,15 @@ class Mode:
             def terms(k, bounds, i=i):
                 c = [a + b for a, b in zip(most[k][i], slip[k][i])] if len(self.M) > 1 else getattr(self, k)[0][i]
                 return list(zip(c, bounds))
-            radius = [*zip(self.R[i], self.x), *zip(self.S[i], self.u),
-                      *((e, a + b) for e, a, b in zip(self.E[i], most["L"][i], slip["L"][i]))]
+            R, S = ([a + b for a, b in zip(x[i], y[i])] for x, y in ((self.R, self.R_slip), (self.S, self.S_slip)))
+            radius = [*zip(R, self.x), *zip(S, self.u), *((e, a + b) for e, a, b in zip(self.E[i], most["L"][i], slip["L"][i]))]
             error, spread = rounding(radius, self.real)
             error += size(slip["M"][i], self.x) + size(slip["L"][i], self.E[i])
+            error += size(self.R_slip[i], self.x) + size(self.S_slip[i], self.u)
             slips = error + size(slip["G"][i], self.u) + size(slip["L"][i], self.y) + size(self.S[i], self.u_slip)
             slips += size(most["G"][i], self.u_slip) + size(most["L"][i] + self.N[i], self.y_slip * 2)
             need = W[i] + self.noise(i, s) + later[i] + slips
-            need += beyond(left[0][i], self.R[i], self.x) + beyond(left[1][i], self.S[i], self.u_true)
+            need += beyond(left[0][i], self.R_parts[0][i], self.x) + beyond(left[1][i], self.S_parts[0][i], self.u_true)
             yield need, [*terms("G", self.u), *terms("L", self.y), *zip(self.N[i], self.y)], [
                 *terms("M", self.x), (F(1), spread)], slips, error
 
@@ -124,7 +161,7 @@ def check_blind(m, t, q):
     A, B, C, D, Ra, Sa = (exact(x[q]) for x in (t["A"], t["B"], t["C"], t["D"], v["Ra"], v["Sa"]))
     target = [[a + b for a, b in zip(A, B)], *(times(0, add(p["F"][0])) for _ in m.box)]
     inside = [(c - k, c + k) for c, k in zip(m.z["middle"], m.z["K"])]
-    left = split(left_over(one, m.z, target, inside, [F(0)] * len(inside)), n)
+    left = split(left_over(one, m.z, target[:1 + len(inside)], inside, [F(0)] * len(inside)), n)
     for side, s in SIDES:
         for i, w in enumerate(m.z["W"](one, s)):
             error, spread = rounding([*zip(Ra[i], m.x), *zip(Sa[i], m.u)], m.real)
@@ -200,7 +237,7 @@ def main(folder, design, record):
         print(f"proved for {real}: containment with rounding{', of the continuous plant at its samples' if h else ''}, "
               f"for every parameter in its box, {cert['kind']} claim")
     t = design["tables"][record["real"]]
-    v = {k: x for k, x in t["vary"].items() if isinstance(x, list) and k != "columns"}
+    v = {k: x for k, x in t["vary"].items() if isinstance(x, list) and k not in ("columns", "products", "paced")}
     plain.check_source((folder / f"{record['prefix']}.c").read_text(), t | {
         "M_hi": [t["M_hi"], *v.values()], "half": [0.5] * t["vary"]["midpoint"]})
     print(f"the constants of {record['prefix']}.c are those of the {record['real']} tables")

@@ -122,11 +122,12 @@ def transition(mode, signals, h, both):
     if h is None:
         return z | {"poly": {(): Fc} | {(j,): A for j, A in enumerate(Fk)}, "first": first, "rest": none,
                     "W": lambda T, s: [sup(row, mode["w"], s) for row in mul(T, mode["Bw"])]}
-    far, mean = [], []
+    far, mean, z["reach"] = [], [], []
     for j in known:
         width, moved = 2 * half[j], F(thetas[j]["rate"]) * h if "rate" in thetas[j] else 2 * half[j] * 4
         far.append(min(width, moved / (2 if both else 1)))
         mean.append(min(width, moved / (4 if both else 2)))
+        z["reach"].append(moved if both and "rate" in thetas[j] and not error[j] and moved <= 4 * width else None)
     a, b = mag(Fc), add(none, *(times(k, mag(A)) for k, A in zip(z["K"], Fk)))
     d = add(none, *map(mag, first), *(times(f, mag(A)) for f, A in zip(far, Fk)))
     one = [[F(i == j) for j in range(len(none[0]))] for i in range(n)]
@@ -184,9 +185,18 @@ def disturbance(mode, signals, h, nominal, whole, end, a, most_F):
     return effect
 
 
-def left_over(T, z, target, box, drift):
-    """Bound on every entry of T Phi - (target_0 + sum theta_j target_j), theta in the box."""
-    poly, K = z["poly"], z["K"]
+def left_over(T, z, target, box, drift, products=(), multiplied=()):
+    """Bound on every entry of T Phi - (target_0 + sum theta_j target_j), theta in the box.
+
+    Behind the parameters theta may hold their products, each off by ``multiplied`` at most.
+    """
+    poly, K, found = z["poly"], z["K"], {tuple(jk): A for jk, A in zip(products, target[1 + len(z["middle"]):])}
+    target = target[:1 + len(z["middle"])]
+    for (j, k), A in found.items():  # theta_j theta_k = p_j p_k + c_j theta_k + c_k theta_j - c_j c_k
+        c, d = z["middle"][j], z["middle"][k]
+        target[0] = add(target[0], times(-c * d, A))
+        target[1 + k] = add(target[1 + k], times(c, A))
+        target[1 + j] = add(target[1 + j], times(d, A))
     middle = sub(mul(T, poly[()]), target[0])
     out = add(mul(mag(T), z["rest"]), *(mag(mul(T, A)) for A in z["first"]))
     for j, ((lo, hi), c) in enumerate(zip(box, z["middle"])):
@@ -196,6 +206,12 @@ def left_over(T, z, target, box, drift):
         out = add(out, times((hi - lo) / 2, mag(slope)), times(drift[j], mag(TF)))
     for which, A in ((k, mul(T, A)) for k, A in poly.items() if len(k) == 2):
         i, j = which
+        if which in found:  # computed: what is left of its coefficient, and the roundings of both factors and theirs
+            at = [max(abs(a - c), abs(b - c)) for (a, b), c in zip(box, z["middle"])]
+            slip = at[i] * drift[j] + at[j] * drift[i] + drift[i] * drift[j]
+            out = add(out, times(at[i] * at[j], mag(sub(A, found[which]))), times(slip, mag(A)),
+                      times(multiplied[[tuple(p) for p in products].index(which)], mag(found[which])))
+            continue
         middle = add(middle, times(K[i] ** 2 / 2, A)) if i == j else middle
         out = add(out, times(K[i] * K[j] / (2 if i == j else 1), mag(A)))
     return add(out, mag(middle))

@@ -12,7 +12,7 @@ from itertools import product as corners_of
 import numpy as np
 from flint import fmpq
 
-from .exact import product, rational, zeros
+from .exact import Q, down, product, rational, up, zeros
 from .rounding import input_error, sum_error
 
 Array = np.ndarray
@@ -29,7 +29,18 @@ def exact_mode(mode, sizes: tuple[int, int]) -> dict[str, Array]:
     for name in _FIELDS:
         value = getattr(mode, name, None)
         out[name] = zeros(*empty[name]) if value is None else rational(value)
+    out["reach"] = [] if getattr(mode, "reach", None) is None else mode.reach
+    out["products"] = getattr(mode, "products", ())
+    out["paced"] = [int(j) for j in paced] if (paced := getattr(mode, "paced", None)) is not None else (
+        [-1] * len(out["A_unc"]))
+    out["box_lo"], out["box_hi"] = with_products(out["theta_lo"], out["theta_hi"], out["products"])
     return out
+
+
+def with_products(lo, hi, products) -> tuple[list, list]:
+    """Bounds of parameters with those of their products behind them."""
+    ends = [[a * b for a in (lo[j], hi[j]) for b in (lo[k], hi[k])] for j, k in products]
+    return [*lo, *map(min, ends)], [*hi, *map(max, ends)]
 
 
 class Affine:
@@ -97,15 +108,30 @@ class Scheduled:
         self.lo, self.hi = ([], []) if vary is None else (rational(vary.theta_lo[q]), rational(vary.theta_hi[q]))
         base = {k: rational(getattr(t, f"{k}_{side}")[q]) for k in "MGLN"}
         self.N = base["N"]
-        for name in "MGL":
-            slopes = [] if vary is None else [rational(s) for s in getattr(vary, name)[q]]
-            setattr(self, name, Affine(base[name], slopes, self.lo, self.hi))
-        n_x, n_u = base["G"].shape
-        self.R, self.S, self.E = (zeros(n_x, n_x), zeros(n_x, n_u), zeros(*base["L"].shape)) if vary is None else (
-            rational(getattr(vary, k)[q]) for k in "RSE")
+        measured, self.theta_error = len(self.lo), []
         # Three roundings at most stand between the parameter and what the step multiplies: the caller's, and the
         # mean of two samples.
-        self.theta_error = [3 * input_error(max(abs(a), abs(b)), self.real) for a, b in zip(self.lo, self.hi)]
+        reach = [max(abs(a), abs(b)) for a, b in zip(self.lo, self.hi)]
+        self.theta_error = [3 * input_error(r, self.real) for r in reach]
+        products = () if vary is None else vary.products
+        for j, k in products:  # of both factors, and of the multiplication
+            a, b, e, f = reach[j], reach[k], self.theta_error[j], self.theta_error[k]
+            self.theta_error.append(a * f + b * e + e * f + input_error((a + e) * (b + f), self.real))
+        self.lo, self.hi = with_products(self.lo, self.hi, products)
+        # A rounded product of numbers within bounds is within the rounded product of the bounds.
+        self.lo[measured:] = [Q(down(x, self.real)) for x in self.lo[measured:]]
+        self.hi[measured:] = [Q(up(x, self.real)) for x in self.hi[measured:]]
+        for name in "MGL":
+            slopes = [] if vary is None else [rational(s) for s in getattr(vary, name)[q]]
+            slopes += [zeros(*base[name].shape)] * (len(self.lo) - len(slopes))  # L does not depend on products
+            setattr(self, name, Affine(base[name], slopes, self.lo, self.hi))
+        n_x, n_u = base["G"].shape
+        self.E = zeros(*base["L"].shape) if vary is None else rational(vary.E[q])
+        top = [] if vary is None or not vary.paced else rational(vary.top)
+        for name, size in (("R", n_x), ("S", n_u)):
+            radius = zeros(n_x, size) if vary is None else rational(getattr(vary, name)[q])
+            steps = [] if vary is None or not vary.paced else [rational(s) for s in getattr(vary, f"{name}_pace")[q]]
+            setattr(self, name, Affine(radius, steps, [fmpq(0)] * len(top), top))
 
     def leftover(self, T: Array) -> tuple[Affine, Affine]:
         """T A(theta) - L(theta) C - M(theta) and T B(theta) - L(theta) D - G(theta), exact."""
@@ -128,15 +154,52 @@ class Scheduled:
             out.append(total)
         return out[0], out[1]
 
-    def unknown(self, T: Array) -> tuple[Array, Array]:
-        """Elementwise bound on what the unknowns do: sum |T A_unc| + |T| A_rad, and the same of B."""
+    def unknown(self, T: Array, which: int | None = None) -> tuple[Array, Array]:
+        """Elementwise bound on what the unknowns do: sum |T A_unc| + |T| A_rad, and the same of B.
+
+        ``which`` is a paced parameter: its unknowns only; -1: all that are not paced, with the radius; None: all.
+        """
         out = []
         for name in ("A", "B"):
-            total = product(abs(T), self.p[f"{name}_rad"])
-            for F in self.p[f"{name}_unc"]:
-                total = total + abs(product(T, F))
+            total = product(abs(T), self.p[f"{name}_rad"]) * (0 if which is not None and which >= 0 else 1)
+            for of, F in zip(self.p["paced"], self.p[f"{name}_unc"]):
+                if which is None or of == which:
+                    total = total + abs(product(T, F))
             out.append(total)
         return out[0], out[1]
+
+
+def pace_needed(pace: float, reach: fmpq, most: fmpq, real: str) -> fmpq:
+    """Smallest ``top`` with which the computed g is never below 1 - (change / reach)^2.
+
+    The C computes ``top - (change pace)^2``; both ends of the step and every operation round, and only changes up to
+    the reach count.
+
+    Parameters
+    ----------
+    pace : float
+        Must be at most 1 / reach.
+    reach : fmpq
+        Largest change over a step.
+    most : fmpq
+        Largest magnitude of the parameter.
+    real : {"float32", "float64"}
+    """
+    pace = Q(pace)
+    if pace * reach > 1:
+        return fmpq(10)
+    slip = 2 * input_error(most, real)  # of the difference: both ends, and its own rounding
+    slip += input_error(reach + slip, real)
+    scaled = (reach + slip) * pace
+    # (change pace)^2 <= (change/reach)^2, and for |change| <= reach the square grows by no more than at its end.
+    return 1 + scaled**2 - (reach * pace) ** 2 + pace_rounding(scaled, real)
+
+
+def pace_rounding(scaled: fmpq, real: str) -> fmpq:
+    """Largest rounding error of ``top - (change pace)^2`` for |change pace| up to ``scaled`` and top up to 2."""
+    slip = input_error(scaled, real)
+    square = (scaled + slip) ** 2
+    return square - scaled**2 + input_error(square, real) + input_error(2 + square, real)
 
 
 def noise_size(p: dict) -> Array:
@@ -166,9 +229,3 @@ def pairs(coefficients: Affine, i: int, bounds, real: str) -> tuple[list, fmpq]:
     return [(c + e, b) for c, e, b in zip(most, slip, bounds)] if coefficients.slopes else list(
         zip(coefficients.base[i], bounds)), extra
 
-
-def radius_terms(R_row, S_row, L_most, E_row, box, u_max, real: str) -> tuple[fmpq, fmpq]:
-    """Rounding error and magnitude of the computed radius of one row; ``L_most`` bounds the *computed* |L|."""
-    terms = [*zip(R_row, box), *zip(S_row, u_max)]
-    terms += list(zip(E_row, L_most))
-    return sum_error(terms, real)

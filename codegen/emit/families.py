@@ -105,14 +105,19 @@ def _varying(family: str, t, forward: MapSpec, blind: MapSpec, inputs: str) -> t
     heading = (f"x_hi+ = M{of} x_hi + {terms}d_hi + radius,  radius = {wide}{noise}",
                f"x_lo+ = M{of} x_lo + {terms}d_lo - radius, both cut to the range of x.{more}")
     middle = ("theta: mean of both ends of the step",) if vary.midpoint else ()
-    forward = replace(forward, equation=(*heading, *middle))
     blind = replace(blind, equation=("x_hi+ = pos(A) x_hi - neg(A) x_lo + B u + a_hi + radius,  radius = "
                                      "R max(-x_lo, x_hi) + S |u|",
                                      "x_lo+ = pos(A) x_lo - neg(A) x_hi + B u + a_lo - radius, both cut to the range "
                                      "of x, for every theta within its bounds"))
+    middle += ("parameters and their products; g: least where a parameter moved at its rate, it scales a part of R and S",
+               ) * bool(vary.paced)
+    forward = replace(forward, equation=(*heading, *middle))
     signs = {"x_sign": _signs(t.x_lo, t.x_hi), "u_sign": _signs(t.u_lo, t.u_hi)}
-    return (Varying(forward, theta, {"M": vary.M, "G": vary.G, "L": vary.L}, t.flipped, vary.R, vary.S, vary.E, inputs,
-                    _gain_signs(t), **signs),
+    slopes = {"M": vary.M, "G": vary.G, "L": vary.L} | ({"R": vary.R_pace, "S": vary.S_pace} if vary.paced else {})
+    paced = tuple((f"in->theta[{j}] - s->theta[{j}]", float(a), float(b))
+                  for j, a, b in zip(vary.paced, vary.pace, vary.top)) if vary.paced else ()
+    return (Varying(forward, theta, slopes, t.flipped, vary.R, vary.S, vary.E, inputs, _gain_signs(t), **signs,
+                    products=vary.products, paced=paced),
             Varying(blind, (), {}, None, vary.Ra, vary.Sa, np.zeros_like(vary.E[:, :, :0]), inputs,
                     np.zeros_like(vary.E[:, :, :0]), **signs))
 

@@ -17,6 +17,7 @@ import numpy as np
 from ..certify.containment import Containment
 from ..certify.exact import Q, down, up
 from ..certify.rounding import input_error
+from ..certify.variation import pace_rounding
 from . import families, gappa_sums
 from .gappa_sums import SIDES, Magnitude, Sum
 from .maps import MapSpec, Names
@@ -149,6 +150,14 @@ def _parameters(prefix: str, t) -> list[Row]:
     if t.vary is None or not t.vary.midpoint:
         return []
     most = np.maximum(abs(t.vary.theta_lo), abs(t.vary.theta_hi)).max(axis=0)
-    return [_row(f"{prefix}_theta_{j}", f"theta[{j}], mean of both ends of a step",
-                 (f"({0.5.hex()} * (s_theta_{j} + in_theta_{j}))",), down(2 * input_error(Q(m), t.real)))
-            for j, m in enumerate(most)]
+    means = [_row(f"{prefix}_theta_{j}", f"theta[{j}], mean of both ends of a step",
+                  (f"({0.5.hex()} * (s_theta_{j} + in_theta_{j}))",), down(2 * input_error(Q(m), t.real)))
+             for j, m in enumerate(most)]
+    products = [_row(f"{prefix}_theta_{i}", f"theta[{j}] theta[{k}]",
+                     (f"(in_theta_{j} * in_theta_{k})",), down(input_error(Q(most[j]) * Q(most[k]), t.real)))
+                for i, (j, k) in enumerate(t.vary.products, len(most))]
+    paced = [_row(f"{prefix}_g_{i}", f"least factor for a change of theta[{j}], without its own rounding",
+                  (f"({float(top).hex()} - ((change_{i} * {float(pace).hex()}) * (change_{i} * {float(pace).hex()})))",),
+                  down(pace_rounding(Q(1.0625), t.real)))
+             for i, (j, pace, top) in enumerate(zip(t.vary.paced, t.vary.pace, t.vary.top))] if t.vary.paced else []
+    return [*means, *products, *paced]

@@ -44,8 +44,7 @@ def row(spec: MapSpec | Varying, t, q: int, side: str, i: int) -> Sum:
         return Sum(terms, terms)
     flipped = None if spec.flipped is None else spec.flipped[q, i]
     affine = _affine(spec.spec, spec.slopes, t, q, side, i, flipped)
-    radius = [_product(c, f"m_{j}") for j, c in enumerate(spec.R[q, i]) if c != 0]
-    radius += [_product(c, f"a_{j}") for j, c in enumerate(spec.S[q, i]) if c != 0]
+    radius = _radius(spec, "R", spec.R, "m", t, q, i) + _radius(spec, "S", spec.S, "a", t, q, i)
     gains, found, exact = {p.name: p for p in spec.spec.common}, [], list(radius)
     for j, c in enumerate(spec.E[q, i]):
         if c != 0:
@@ -56,6 +55,18 @@ def row(spec: MapSpec | Varying, t, q: int, side: str, i: int) -> Sum:
     sign = "-" if side == "lo" else ""
     terms, same = (_join([*affine, *([f"{sign}({' '.join(_join(r))})"] if r else [])]) for r in (radius, exact))
     return Sum(terms, same, tuple(found))
+
+
+def _radius(spec: Varying, name: str, values, local: str, t, q: int, i: int) -> list[str]:
+    """Print the terms of R or S in row i: constants, or what the change of the parameters makes of them."""
+    out = []
+    for j, c in enumerate(values[q, i]):
+        steps = spec.slopes[name][q, :, i, j] if name in spec.slopes else ()
+        if np.any(steps):
+            out.append(f"(({' '.join(coefficient(values, spec.slopes[name], t, q, i, j, 'g'))}) * {local}_{j})")
+        elif c != 0:
+            out.append(_product(c, f"{local}_{j}"))
+    return out
 
 
 def _affine(spec: MapSpec, slopes: dict, t, q: int, side: str, i: int, flipped) -> list[str]:
@@ -80,10 +91,11 @@ def _affine(spec: MapSpec, slopes: dict, t, q: int, side: str, i: int, flipped) 
     return terms
 
 
-def coefficient(values, slopes, t, q: int, i: int, j: int) -> tuple[str, ...]:
-    """Print one entry as interpolated from the parameters, in evaluation order."""
+def coefficient(values, slopes, t, q: int, i: int, j: int, of: str = "th") -> tuple[str, ...]:
+    """Print one entry as interpolated from the parameters ("th") or the factors "g", in evaluation order."""
     base = float(values[q, i, j])
-    steps = [_product(c, parameter(t, q, p)) for p, c in enumerate(slopes[q, :, i, j]) if c != 0]
+    steps = [_product(c, parameter(t, q, p) if of == "th" else f"g_{p}")
+             for p, c in enumerate(slopes[q, :, i, j]) if c != 0]
     return _join([*([base.hex()] if base else []), *steps])
 
 
@@ -104,7 +116,9 @@ def variable(operand: str, j: int) -> str:
 
 
 def parameter(t, q: int, j: int) -> str:
-    """Name parameter j of the step: one variable for all modes with the same bounds."""
+    """Name parameter j of the step: one variable for all modes with the same bounds; a product has one per mode."""
+    if j >= t.vary.parameters:
+        return f"th_{j}_mode_{q}"
     same = (t.vary.theta_lo[:, j] == t.vary.theta_lo[q, j]) & (t.vary.theta_hi[:, j] == t.vary.theta_hi[q, j])
     return f"th_{j}_mode_{int(np.argmax(same))}"
 
@@ -131,11 +145,22 @@ def operands(spec: MapSpec | Varying, t) -> Iterator[tuple[str, str, str]]:
 
 def _operands_varying(spec: Varying, t, box) -> Iterator[tuple[str, str, str]]:
     # Framers of a state that left its range may have crossed: then max(-x_lo, x_hi) can be negative.
-    yield from ((f"m_{j}", (-b).hex(), b.hex()) for j, b in enumerate(box) if np.any(spec.R[:, :, j]))
+    yield from ((f"m_{j}", (-b).hex(), b.hex()) for j, b in enumerate(box) if np.any(spec.R[:, :, j])
+               or np.any(spec.slopes.get("R", spec.R)[..., j]))
     reach = np.maximum(abs(t.u_lo), abs(t.u_hi)).astype(float)
-    yield from ((f"a_{j}", 0.0.hex(), b.hex()) for j, b in enumerate(reach) if np.any(spec.S[:, :, j]))
+    yield from ((f"a_{j}", 0.0.hex(), b.hex()) for j, b in enumerate(reach) if np.any(spec.S[:, :, j])
+               or np.any(spec.slopes.get("S", spec.S)[..., j]))
     lo, hi = t.vary.theta_lo.astype(float), t.vary.theta_hi.astype(float)
     for j in range(len(spec.theta)):
         yield from ((parameter(t, q, j), lo[q, j].hex(), hi[q, j].hex()) for q in range(len(lo)))
         if t.vary.midpoint:
             yield from ((f"{s}_theta_{j}", lo[:, j].min().hex(), hi[:, j].max().hex()) for s in ("s", "in"))
+    for q in range(len(lo)) if spec.products else ():
+        ends = t.vary.corners(q).astype(t.dtype)
+        for j in range(t.vary.parameters, ends.shape[1]):
+            a, b = (np.nextafter(x, s * np.inf, dtype=t.dtype) for x, s in ((ends[:, j].min(), -1), (ends[:, j].max(), 1)))
+            yield parameter(t, q, j), float(a).hex(), float(b).hex()
+    for i, (_, pace, top) in enumerate(spec.paced):
+        yield f"g_{i}", 0.0.hex(), top.hex()
+        reach = 1.0625 / pace  # beyond the reach g is not relied on
+        yield f"change_{i}", (-reach).hex(), reach.hex()

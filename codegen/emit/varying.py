@@ -8,7 +8,8 @@ radii. Row i becomes::
     apart_i  = sum R m_j + sum S |u_j| + sum |L_i_j| E         m_j = max(-x_lo[j], x_hi[j])
     lo = common_i + d_lo + sum M x - apart_i,      hi = common_i + d_hi + sum M x + apart_i
 
-in the order of ``codegen.observers.framer``. Loops would have to interpolate zeros as well: all layouts are straight,
+in the order of ``codegen.observers.framer``. Products of parameters are parameters behind the measured ones; where a
+radius shrinks with the change of a parameter, R_i_j and S_i_j are computed like M_i_j, from g in place of th. Loops would have to interpolate zeros as well: all layouts are straight,
 "literal" with one function per mode, the others over a row of coefficients.
 """
 
@@ -37,7 +38,7 @@ class Varying:
     theta : tuple of str
         C expression of each measured parameter in this step.
     slopes : dict
-        Name of a Linear of ``spec`` -> ndarray (N, J, rows, columns).
+        Name of a Linear of ``spec`` -> ndarray (N, J, rows, columns); "R" and "S" where they shrink with g.
     flipped : ndarray (N, rows, n_x) bool or None
         Entries of the state matrix that take the opposite bound; None: by sign.
     R : ndarray (N, rows, n_x), S : ndarray (N, rows, n_u), E : ndarray (N, rows, n_y)
@@ -47,6 +48,10 @@ class Varying:
     L_sign, x_sign, u_sign : ndarray (N, rows, n_y), (n_x,), (n_u,)
         1 or -1 where L, x or u keep that sign over the bounds of theta or their ranges, so that a magnitude needs no
         comparison; else 0.
+    products : tuple of (int, int)
+        Parameters behind those of ``theta``: th_j * th_k.
+    paced : tuple of (str, float, float)
+        Change of a parameter over the step, the factor on it, and what its square is taken from: g.
     """
 
     spec: MapSpec
@@ -60,6 +65,8 @@ class Varying:
     L_sign: Array
     x_sign: Array
     u_sign: Array
+    products: tuple[tuple[int, int], ...] = ()
+    paced: tuple[tuple[str, float, float], ...] = ()
 
 
 def lay_out_varying(v: Varying, layout: str) -> MapView:
@@ -101,9 +108,10 @@ class Printer:
     def coefficient(self, part: str, values: Array, i: int, j: int) -> Statement:
         """Interpolate one entry."""
         terms = self.columns.terms(f"{part}[{i}][{j}]", values[self.modes][:, i, j], "", self.real)
+        local, name = ("g", "g") if part in "RS" else ("th", "theta")
         for p, slope in enumerate(self.v.slopes[part][self.modes].transpose(1, 0, 2, 3)):
-            found = self.columns.terms(f"d{part}[{i}][{j}]/dtheta[{p}]", slope[:, i, j], f"th_{p}", self.real)
-            self.used |= {f"th_{p}"} if found else set()
+            found = self.columns.terms(f"d{part}[{i}][{j}]/d{name}[{p}]", slope[:, i, j], f"{local}_{p}", self.real)
+            self.used |= {f"{local}_{p}"} if found else set()
             terms += found
         return self.define(f"{part}_{i}_{j}", terms)
 
@@ -136,7 +144,7 @@ class Printer:
         v, terms = self.v, []
         for name, values, local in (("R", v.R, "m"), ("S", v.S, "a")):
             for j in range(values.shape[2]):
-                found = self.columns.terms(f"{name}[{i}][{j}]", values[self.modes][:, i, j], f"{local}_{j}", self.real)
+                found = self.entry(name, values, i, j, f"{local}_{j}")
                 self.used |= {f"{local}_{j}"} if found else set()
                 terms += found
         for j in range(v.E.shape[2]):
@@ -182,6 +190,8 @@ def _row(p: Printer, i: int) -> list[Statement]:
             out.append(p.coefficient(spec.state.name, spec.state.hi, i, j))
     if common:
         out.append(p.define(f"common_{i}", common))
+    out += [p.coefficient(name, values, i, j) for name, values in (("R", p.v.R), ("S", p.v.S))
+            for j in range(values.shape[2]) if p.scheduled(name, i, j)]
     apart = p.radius(i)
     if apart:
         out.append(p.define(f"apart_{i}", apart))
@@ -200,6 +210,14 @@ def _locals(p: Printer) -> tuple[Statement, ...]:
     spec, real = p.v.spec, p.v.spec.names.real_type
     lo, hi = bounds(spec, "lo")
     texts = {f"th_{j}": text for j, text in enumerate(p.v.theta)}
+    for i, (j, k) in enumerate(p.v.products, len(texts)):
+        texts[f"th_{i}"] = f"th_{j} * th_{k}"
+        p.used |= {f"th_{j}", f"th_{k}"} if f"th_{i}" in p.used else set()
+    for i, (change, pace, top) in enumerate(p.v.paced):
+        scale, most, zero = (literal(x, p.v.spec.names.real) for x in (pace, top, 0.0))
+        texts |= {f"c_{i}": f"{scale} * ({change})", f"e_{i}": f"{most} - (c_{i} * c_{i})",
+                  f"g_{i}": f"(e_{i} > {zero}) ? e_{i} : {zero}"}
+        p.used |= {f"c_{i}", f"e_{i}"} if f"g_{i}" in p.used else set()
     for j, sign in enumerate(p.v.x_sign):
         texts[f"m_{j}"] = {1: f"{hi}[{j}]", -1: f"-{lo}[{j}]",
                            0: f"(-{lo}[{j}] > {hi}[{j}]) ? -{lo}[{j}] : {hi}[{j}]"}[int(sign)]

@@ -12,6 +12,10 @@ measured parameters theta, and both framers move apart by a radius that grows wi
 
     radius = R max(-x_lo, x_hi) + S |u| + |L(theta)| E
 
+A table may multiply out products of parameters (``products``: further entries of theta), and let a part of R and S
+shrink with how far a parameter moved over the step (``paced``: R + sum_j g_j R_pace_j with ``g = max(top - (change *
+pace)^2, 0)``).
+
 Such tables may have negative constants in M (method "component-interval"): each takes the opposite bound of x.
 
 Every function here repeats the C's operations in the C's order and precision: a sum starts with the
@@ -23,6 +27,7 @@ axis of S independent runs, so that a test can drive many at once.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from itertools import product
 
 import numpy as np
 
@@ -52,6 +57,14 @@ class Variation:
         Largest noise in each output where the gain on it depends on theta, else 0.
     Ra : ndarray (N, n_x, n_x), Sa : ndarray (N, n_x, n_u)
         As R, S for the open-loop prediction.
+    products : tuple of (int, int)
+        Pairs of measured parameters whose products count as parameters behind them; M and G have slopes in them, too.
+    paced : tuple of int
+        Measured parameters j whose change over a step tells how far their mean may have been off.
+    pace, top : ndarray (len(paced),)
+        Factor on the change, and what the square is taken from.
+    R_pace, S_pace : ndarray (N, len(paced), n_x, n_x), (N, len(paced), n_x, n_u)
+        What is added to R and S times g_j.
     """
 
     theta_lo: Array
@@ -67,6 +80,12 @@ class Variation:
     E: Array
     Ra: Array
     Sa: Array
+    products: tuple[tuple[int, int], ...] = ()
+    paced: tuple[int, ...] = ()
+    pace: Array | None = None
+    top: Array | None = None
+    R_pace: Array | None = None
+    S_pace: Array | None = None
 
     @property
     def parameters(self) -> int:
@@ -75,22 +94,46 @@ class Variation:
 
     def to_dict(self) -> dict:
         """Return plain lists for design.json."""
-        return {f.name: value.astype(np.float64).tolist() if isinstance(value := getattr(self, f.name), np.ndarray)
-                else list(value) if isinstance(value, tuple) else value for f in fields(self)}
+        out = {f.name: value.astype(np.float64).tolist() if isinstance(value := getattr(self, f.name), np.ndarray)
+               else [list(x) if isinstance(x, tuple) else x for x in value] if isinstance(value, tuple) else value
+               for f in fields(self)}
+        optional = [] if self.products else ["products"]
+        optional += [] if self.paced else ["paced", "pace", "top", "R_pace", "S_pace"]
+        return {k: v for k, v in out.items() if k not in optional}
 
     def read(self, theta: Array) -> Array:
         """Take the measured columns out of theta (..., n_theta); (..., J) is returned as it is."""
         return theta[..., list(self.columns)] if theta.shape[-1] > self.parameters else theta
 
+    def multiplied(self, theta: Array) -> Array:
+        """Return theta (S, J) with the products behind it, each rounded once."""
+        return np.hstack([theta, *(theta[:, j, None] * theta[:, k, None] for j, k in self.products)])
+
+    def corners(self, q: int) -> Array:
+        """Corners of the box of theta and of its products in mode q, float64 (2^n, n)."""
+        lo, hi = self.theta_lo[q].astype(float), self.theta_hi[q].astype(float)
+        ends = [[a * b for a in (lo[j], hi[j]) for b in (lo[k], hi[k])] for j, k in self.products]
+        box = [*zip(lo, hi), *((min(e), max(e)) for e in ends)]
+        return np.array(list(product(*box)), dtype=float).reshape(2 ** len(box), len(box))
+
+    def slack(self, change: Array) -> Array:
+        """Factors g (S, len(paced)) for the change of theta over the step (S, J), operation by operation."""
+        scaled = change[:, list(self.paced)] * self.pace
+        g = self.top - scaled * scaled
+        return np.where(g > 0, g, np.zeros_like(g))
+
     @classmethod
     def from_dict(cls, data: dict, sizes: tuple[int, int, int, int], real: str) -> Variation:
         """Rebuild from ``to_dict``; ``sizes`` is (n_modes, n_x, n_u, n_y)."""
         n, x, u, y = sizes
-        J = np.array(data["theta_lo"]).reshape(n, -1).shape[1]
-        shapes = {"theta_lo": (n, J), "theta_hi": (n, J), "M": (n, J, x, x), "G": (n, J, x, u), "L": (n, J, x, y),
+        J, products = np.array(data["theta_lo"]).reshape(n, -1).shape[1], tuple(map(tuple, data.get("products", ())))
+        K, P, paced = J + len(products), len(data.get("paced", ())), tuple(data.get("paced", ()))
+        shapes = {"theta_lo": (n, J), "theta_hi": (n, J), "M": (n, K, x, x), "G": (n, K, x, u), "L": (n, J, x, y),
                   "R": (n, x, x), "S": (n, x, u), "E": (n, x, y), "Ra": (n, x, x), "Sa": (n, x, u)}
-        return cls(midpoint=bool(data["midpoint"]), late=bool(data["late"]), columns=tuple(data["columns"]), **{
-            k: np.array(data[k], dtype=np.float64).reshape(s).astype(real) for k, s in shapes.items()})
+        shapes |= {"pace": (P,), "top": (P,), "R_pace": (n, P, x, x), "S_pace": (n, P, x, u)} if paced else {}
+        return cls(midpoint=bool(data["midpoint"]), late=bool(data["late"]), columns=tuple(data["columns"]),
+                   products=products, paced=paced, **{
+                       k: np.array(data[k], dtype=np.float64).reshape(s).astype(real) for k, s in shapes.items()})
 
 
 @dataclass(frozen=True)
@@ -219,13 +262,13 @@ def scheduled(base: Array, slopes: Array, theta: Array) -> Array:
 
     Shapes: base (S, r, c), slopes (S, J, r, c), theta (S, J).
     """
-    for j in range(theta.shape[1]):
+    for j in range(slopes.shape[1]):
         base = base + theta[:, j, None, None] * slopes[:, j]
     return base
 
 
 def propagate(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: Array, y_next: Array,
-              theta: Array | None = None):
+              theta: Array | None = None, change: Array | None = None):
     """One step of both framers from sample k to k+1 with the mode q of sample k.
 
     Parameters
@@ -237,6 +280,8 @@ def propagate(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: 
         y at k, and y at k+1 (multiplied by N; pass zeros for the classical observer).
     theta : ndarray (S, J)
         Measured parameters of the step; (S, 0) or nothing where the tables are constant.
+    change : ndarray (S, J)
+        Their change over the step, where the tables are paced.
 
     Returns
     -------
@@ -244,18 +289,24 @@ def propagate(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: 
     """
     zero = np.zeros_like(x_lo)
     sides = []
+    with_products = theta if t.vary is None else t.vary.multiplied(theta)
     for M, G, L, N, d, own, other in ((t.M_lo, t.G_lo, t.L_lo, t.N_lo, t.d_lo, x_lo, x_hi),
                                       (t.M_hi, t.G_hi, t.L_hi, t.N_hi, t.d_hi, x_hi, x_lo)):
         M, G, L = M[q], G[q], L[q]
         if t.vary is not None:
-            M, G, L = (scheduled(a, b[q], theta) for a, b in ((M, t.vary.M), (G, t.vary.G), (L, t.vary.L)))
+            M, G = (scheduled(a, b[q], with_products) for a, b in ((M, t.vary.M), (G, t.vary.G)))
+            L = scheduled(L, t.vary.L[q], theta)
         common = add_terms(zero, G, u)
         common = add_terms(common, L, y)
         common = add_terms(common, N[q], y_next)
         sides.append(add_chosen_terms(common + d[q], M, t.flipped[q], own, other))
     lo, hi = sides
     if t.vary is not None:
-        apart = spread(t.vary.R[q], t.vary.S[q], x_lo, x_hi, u)
+        R, S = t.vary.R[q], t.vary.S[q]
+        if t.vary.paced:
+            g = t.vary.slack(change)
+            R, S = scheduled(R, t.vary.R_pace[q], g), scheduled(S, t.vary.S_pace[q], g)
+        apart = spread(R, S, x_lo, x_hi, u)
         for j in range(L.shape[2]):
             apart = apart + np.abs(L[:, :, j]) * t.vary.E[q][:, :, j]
         lo, hi = lo - apart, hi + apart

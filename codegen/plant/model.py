@@ -250,6 +250,12 @@ class Plant:
                 and all(m.theta_bounds is None for m in self.modes))
 
     @property
+    def multiplies_parameters(self) -> bool:
+        """Whether a step multiplies out products of its parameters (``interpolation = "quadratic"``)."""
+        return (self.kind == "continuous" and self.options.get("interpolation") == "quadratic"
+                and any(s.measured for s in self.theta))
+
+    @property
     def n_x(self) -> int:
         """Number of states."""
         return len(self.x)

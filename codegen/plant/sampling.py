@@ -16,6 +16,12 @@ nobody measures. Sorted by size, everything in [x; u]:
     radius    the rest, bounded elementwise: powers of order k whose factors hold D once at least, or p_j twice
               at least, sum h^k/k! ([|Fc|+Tb+Db]^k - ...), and the tail of the series
 
+With ``interpolation = "quadratic"`` the words with p_j p_k and any number of Fc are not bounded but computed: the
+products theta_j theta_k become parameters of the discrete plant that firmware multiplies out itself. Where theta is
+read at both ends of a period, its mean is off by less the closer it ran to its rate: ``h |mean - p_j| <= (rate h^2/4)
+(1 - (change/(rate h))^2)`` (the path that stays within the rate and reaches both ends); ``paced`` says which unknown
+shrinks by that factor.
+
 ``scheme`` is the order at which Phi0 and the slopes stop: "euler" (1; the Euler step with a truncation bound,
 Chevet (2021)), "second-order" (2; our sound form of Zammali (2020), section 3) and "exponential" (the whole series
 to float64). What the shorter ones leave out goes into the radius, so the exponential one is never wider; it may
@@ -28,6 +34,7 @@ Bw ds; w enters the discrete plant as [wbar; rest] with the rest in a box.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations_with_replacement
 
 import numpy as np
 from flint import arb, ctx
@@ -86,10 +93,12 @@ class Period:
         Effect of what is not known at all, scaled to |s_l| <= 1.
     h : arb
     order : int
+    products : tuple of (int, int)
+        Pairs of known parameters whose product is computed; empty: bounded.
     """
 
-    def __init__(self, Fc, slopes, known, average, excursion, unknown, h, order):
-        self.Fc, self.slopes, self.h, self.order = Fc, slopes, h, order
+    def __init__(self, Fc, slopes, known, average, excursion, unknown, h, order, products=()):
+        self.Fc, self.slopes, self.h, self.order, self.products = Fc, slopes, h, order, products
         self.average, self.unknown, self.known = average, unknown, known
         m = Fc.shape[0]
         zero = balls(np.zeros((m, m)))
@@ -110,7 +119,7 @@ class Period:
     def nominal(self) -> Array:
         """Phi0, with the middle of the squares p_j^2 of the second order."""
         out = self.series((k, self.powers[k]) for k in range(self.order + 1))
-        if self.order >= 2:
+        if self.order >= 2 and not self.products:
             for k, F in zip(self.known, self.slopes):
                 out = out + self.weight[2] * k * k / 2 * mul(F, F)
         return out
@@ -120,12 +129,26 @@ class Period:
         return self.series((k, sum((mul(mul(self.powers[a], F), self.powers[k - 1 - a]) for a in range(k)),
                                    0 * self.Fc)) for k in range(1, order + 1))
 
-    def unknowns(self) -> list[Array]:
-        """First-order effect of each unknown, |s_l| <= 1; time weighted evenly, the rest is in the radius."""
-        first = [self.weight[1] * F for F in self.unknown]
-        first += [a * F for a, F in zip(self.average, self.slopes) if a.upper() > 0]
-        if self.order >= 2:  # p_j^2 is in [0, known^2]: half the range is a radius
-            first += [self.weight[2] * k * k / 2 * mul(F, F) for k, F in zip(self.known, self.slopes)]
+    def second(self, j: int, k: int) -> Array:
+        """Coefficient of p_j p_k: all words with these two and any number of Fc, up to the order."""
+        F = self.slopes
+        out, plain, with_j, with_k, both = 0 * self.Fc, self.powers[0], 0 * self.Fc, 0 * self.Fc, 0 * self.Fc
+        for n in range(1, self.order + 1):
+            both = mul(both, self.Fc) + mul(with_j, F[k]) + (mul(with_k, F[j]) if j != k else 0 * self.Fc)
+            with_j, with_k = (mul(w, self.Fc) + mul(plain, F[i]) for w, i in ((with_j, j), (with_k, k)))
+            plain = self.powers[n]
+            out = out + self.weight[n] * both
+        return out
+
+    def unknowns(self) -> list[tuple[int, Array]]:
+        """First-order effect of each unknown, |s_l| <= 1; time weighted evenly, the rest is in the radius.
+
+        Beside it the known parameter whose mean over the period it is; -1: none.
+        """
+        first = [(-1, self.weight[1] * F) for F in self.unknown]
+        first += [(j, a * F) for j, (a, F) in enumerate(zip(self.average, self.slopes)) if a.upper() > 0]
+        if self.order >= 2 and not self.products:  # p_j^2 is in [0, known^2]: half the range is a radius
+            first += [(-1, self.weight[2] * k * k / 2 * mul(F, F)) for k, F in zip(self.known, self.slopes)]
         return first
 
     def radius(self) -> Array:
@@ -136,15 +159,15 @@ class Period:
         for _ in range(TERMS):
             for name, base in (("whole", whole), ("plain", plain), ("middle", middle)):
                 powers[name].append(mul(powers[name][-1], base))
-        out = 0 * Fb
+        out, degree = 0 * Fb, [powers["plain"][1], Tb, 0 * Fb]
         for k in range(2, TERMS + 1):
+            degree = [mul(x, Fb) + y for x, y in zip(degree, (0 * Fb, *(mul(x, Tb) for x in degree)))]
             # Unknown at least once, from the second order on.
             term = powers["whole"][k] - powers["middle"][k]
             if k <= order:
                 # Known parameters twice or more; of the second order the squares p_j^2 are treated apart.
-                linear = sum((mul(mul(powers["plain"][a], Tb), powers["plain"][k - 1 - a]) for a in range(k)), 0 * Fb)
-                term = term + powers["middle"][k] - powers["plain"][k] - linear
-                if k == 2:
+                term = term + powers["middle"][k] - degree[0] - degree[1] - (degree[2] if self.products else 0 * Fb)
+                if k == 2 and not self.products:
                     for kj, Fj in zip(self.known, self.slopes):
                         term = term - kj * kj * mul(size(Fj), size(Fj))
             else:
@@ -214,8 +237,9 @@ def _mode(plant: Plant, mode: Mode, order: int) -> UncertainMode:
     excursion, average = _excursions(plant, known, radius, h)
     unknown = [radius[j] * F[j] for j in range(J) if j not in known]
     unknown += [e * F[j] for e, j in zip(errors, known) if e.upper() > 0]
+    products = tuple(combinations_with_replacement(range(len(known)), 2)) if plant.multiplies_parameters else ()
     period = Period(Fc, [F[j] for j in known], [radius[j] + e for j, e in zip(known, errors)], average, excursion,
-                    unknown, h, order)
+                    unknown, h, order, products)
     return _discrete(plant, mode, period, known, middle, lo, hi)
 
 
@@ -253,30 +277,91 @@ def _discrete(plant, mode, period: Period, known, middle, lo, hi) -> UncertainMo
     start = base - shift
     exact = balls(base) - sum((middle[known[j]] * balls(slopes[j]) for j in range(len(known))), 0 * balls(base))
     radius = radius + size(exact - balls(start))
-    unknowns = []
-    for F in period.unknowns():
+    if period.products:
+        start, slopes, rounded = _multiplied(period, [middle[j] for j in known], exact, slopes, lo[known], hi[known])
+        radius = radius + rounded
+    unknowns, of = [], []
+    for j, F in period.unknowns():
         value, off = middles(F[:n])
         if np.any(value):
             unknowns.append(value)
+            of.append(j)
             radius = radius + balls(off)
     # An unknown that moves with time inside the period reaches the end by e^{F(h-s)} F_l e^{F s}, not by F_l alone:
     # that is order two and in ``radius``.
     unknowns = np.array(unknowns).reshape(len(unknowns), *base.shape)
     bounded = ceiling(radius)
     error = np.array([plant.theta[j].error for j in known])
+    reach = [period.h * float(plant.theta[j].rate) for j in known] if plant.multiplies_parameters else []
+    # Less than the whole reach counts as unknown only where the change over the period is known without error.
+    paced = [j if reach and plant.reads_both_ends and not error[j] and upper(reach[j] / 4) <= hi[known[j]] - lo[known[j]]
+             else -1 for j in of] if reach else [-1] * len(of)
     Bw, w_lo, w_hi = _disturbance(plant, mode, period)
-    fault = np.array(middles(mul(_integral(period, n), balls(mode.Bf)))[0])
+    fault = dict(zip(("Bf", "Bf_rad"), _held_fault(period, balls(mode.Bf))))
     keep = {k: getattr(mode, k) for k in ("name", "C", "D", "Dv", "Df", "v_lo", "v_hi")}
     return UncertainMode(
-        **keep, A=start[:, :n], B=start[:, n:], Bw=Bw, Bf=fault, w_lo=w_lo, w_hi=w_hi, A_theta=slopes[:, :, :n],
+        **keep, **fault, A=start[:, :n], B=start[:, n:], Bw=Bw, w_lo=w_lo, w_hi=w_hi, A_theta=slopes[:, :, :n],
         B_theta=slopes[:, :, n:], A_unc=unknowns[:, :, :n], B_unc=unknowns[:, :, n:], A_rad=bounded[:, :n],
-        B_rad=bounded[:, n:], theta_lo=(lo[known] - error), theta_hi=(hi[known] + error))
+        B_rad=bounded[:, n:], theta_lo=(lo[known] - error), theta_hi=(hi[known] + error), products=period.products,
+        paced=np.array(paced, dtype=int), reach=ceiling(np.array(reach, dtype=object)))
+
+
+def _multiplied(period: Period, middle: list, exact: Array, slopes: Array, lo: Array, hi: Array):
+    """Base and slopes in theta and its products, of a step that is quadratic in p = theta - middle.
+
+    Parameters
+    ----------
+    middle : list of arb (J,)
+    exact : object array (n, m)
+        Base in theta of the linear part.
+    slopes : ndarray (J, n, m)
+        Of the linear part, in p and in theta alike.
+    lo, hi : ndarray (J,)
+
+    Returns
+    -------
+    base : ndarray (n, m)
+    slopes : ndarray (J + products, n, m)
+    radius : object array (n, m)
+        What rounding of base and slopes may change.
+    """
+    n = len(exact)
+    most = np.maximum(np.abs(lo), np.abs(hi)) + np.array([upper(k) for k in period.known])
+    linear, quadratic, radius = [balls(S) for S in slopes], [], 0 * exact
+    for j, k in period.products:
+        value, off = middles(period.second(j, k)[:n])
+        quadratic.append(value)
+        radius = radius + balls(off) * period.known[j] * period.known[k]
+        # p_j p_k = theta_j theta_k - c_j theta_k - c_k theta_j + c_j c_k
+        exact = exact + middle[j] * middle[k] * balls(value)
+        linear[j] = linear[j] - middle[k] * balls(value)
+        linear[k] = linear[k] - middle[j] * balls(value)
+    base, off = middles(exact)
+    radius, rounded = radius + balls(off), []
+    for S, reach in zip(linear, most):
+        value, off = middles(S)
+        rounded.append(value)
+        radius = radius + balls(off) * arb(float(reach))
+    return base, np.array([*rounded, *quadratic]), radius
 
 
 def _integral(period: Period, n: int) -> Array:
     """int_0^h e^{Ac s} ds, a ball matrix."""
     return sum((period.weight[k + 1] * period.powers[k][:n, :n] for k in range(period.order + 1)),
                0 * period.Fc[:n, :n])
+
+
+def _held_fault(period: Period, Bf: Array) -> tuple[Array, Array]:
+    """Effect of a fault that is held over the period, ``int Phi ds Bf``: float64 matrix, bound on the rest."""
+    n = len(Bf)
+    whole, plain, Bb = (period.Fb + period.Tb + period.Db)[:n, :n], period.Fb[:n, :n], size(Bf)
+    middle, spread = middles(mul(_integral(period, n), Bf))
+    rest = balls(spread) + period.h * mul(period.tail(period.Fb + period.Tb + period.Db, TERMS - 1)[:n, :n], Bb)
+    p_whole, p_plain = Bb, Bb
+    for k in range(1, TERMS + 1):
+        p_whole, p_plain = mul(whole, p_whole), mul(plain, p_plain)
+        rest = rest + period.weight[k + 1] * (p_whole - (p_plain if k <= period.order else 0 * p_plain))
+    return middle, ceiling(rest)
 
 
 def _disturbance(plant, mode, period: Period) -> tuple[Array, Array, Array]:

@@ -36,8 +36,16 @@ class UncertainMode(Mode):
         Effects of the unknowns s, |s_l| <= 1; one s_l moves both.
     A_rad : ndarray (n_x, n_x), B_rad : ndarray (n_x, n_u)
         Elementwise bounds of what remains.
+    Bf_rad : ndarray (n_x, n_f)
+        Elementwise bound on how far the effect of a fault on the state is from Bf f.
     theta_lo, theta_hi : ndarray (J,)
         Bounds of the *measured values* in this mode, error of the measurement included.
+    products : tuple of (int, int)
+        Pairs of measured parameters whose products are parameters too; their slopes follow those of the J measured.
+    paced : ndarray (S,) int
+        Measured parameter j for which the unknown is at most 1 - (change of theta_j over the step / reach_j)^2; -1: 1.
+    reach : ndarray (J,)
+        Largest change of each measured parameter over a step; empty where none is paced.
     """
 
     A_theta: Array = field(default=None)
@@ -46,8 +54,20 @@ class UncertainMode(Mode):
     B_unc: Array = field(default=None)
     A_rad: Array = field(default=None)
     B_rad: Array = field(default=None)
+    Bf_rad: Array = field(default=None)
     theta_lo: Array = field(default=None)
     theta_hi: Array = field(default=None)
+    products: tuple[tuple[int, int], ...] = ()
+    paced: Array = field(default=None)
+    reach: Array = field(default=None)
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """Bounds of the measured parameters and of their products, float64 to nearest; (J + products,) each."""
+        ends = [np.multiply.outer((self.theta_lo[j], self.theta_hi[j]), (self.theta_lo[k], self.theta_hi[k])).ravel()
+                for j, k in self.products]
+        lo, hi = ([end(e) for e in ends] for end in (min, max))
+        return np.array([*self.theta_lo, *lo]), np.array([*self.theta_hi, *hi])
 
 
 def is_uncertain(plant: Plant) -> bool:
@@ -97,7 +117,7 @@ def _parts(plant: Plant, mode: Mode) -> UncertainMode:
         changed[f"{name}_rad"] = _slip(changed[name], slopes, middle, radius)
     box = {"theta_lo": (lo - error)[known], "theta_hi": (hi + error)[known]}
     plain = {k: getattr(mode, k) for k in ("name", "C", "D", "Bw", "Dv", "Bf", "Df", "w_lo", "w_hi", "v_lo", "v_hi")}
-    return UncertainMode(**plain, **changed, **box)
+    return UncertainMode(**plain, **changed, **box, Bf_rad=np.zeros_like(mode.Bf))
 
 
 def _slip(base: Array, slopes: Array, middle: Array, radius: Array) -> Array:

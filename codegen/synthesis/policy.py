@@ -61,7 +61,7 @@ class Row:
     def _corner(self, corner: Array, A: Array):
         """M_i = constant - matrix g at a corner, and the noise term through L."""
         s, q = self.problem, self.q
-        L = np.hstack([np.eye(self.p), *(v * np.eye(self.p) for v in corner)])
+        L = np.hstack([np.eye(self.p), *(v * np.eye(self.p) for v in corner[:s.parameters])])
         L = np.hstack([L, np.zeros((self.p, self.free - L.shape[1]))])
         matrix = s.C[q].T @ L
         if s.tnl:

@@ -32,12 +32,14 @@ class Problem:
         Size against which thresholds of different channels are compared (largest of the declared range).
     tnl : bool
         Whether N is free (TNL structure) or zero (classical).
-    A_theta : tuple over modes of ndarray (J, n_x, n_x)
-        Slopes in the measured parameters; empty without them, as are the following.
+    A_theta : tuple over modes of ndarray (J + products, n_x, n_x)
+        Slopes in the measured parameters and their products; empty without them, as are the following.
+    products : int
+        How many of them are products; gains do not depend on these.
     A_unc : tuple over modes of ndarray (S, n_x, n_x), A_rad : ndarray (N, n_x, n_x)
         Unknowns: x+ gains sum_l s_l A_unc[l] x with |s_l| <= 1, and anything within A_rad |x|.
-    corners : tuple over modes of ndarray (2^J, J)
-        Corners of the box of the measured parameters.
+    corners : tuple over modes of ndarray (2^(J + products), J + products)
+        Corners of the box of the measured parameters and products.
     u_push : tuple over modes of ndarray (S + n_x, n_x)
         Largest effect of each unknown through B, and of the box of B, over the range of u.
     x_max : ndarray (n_x,)
@@ -64,6 +66,7 @@ class Problem:
     tau: float | None
     chatter: float
     A_theta: tuple[Array, ...] = ()
+    products: int = 0
     A_unc: tuple[Array, ...] = ()
     A_rad: Array | None = None
     corners: tuple[Array, ...] = ()
@@ -73,8 +76,8 @@ class Problem:
 
     @property
     def parameters(self) -> int:
-        """Number of measured parameters."""
-        return self.A_theta[0].shape[0] if self.A_theta else 0
+        """Number of measured parameters, on which gains may depend."""
+        return self.A_theta[0].shape[0] - self.products if self.A_theta else 0
 
     def at(self, q: int):
         """Yield (corner of theta, A at the corner) of a mode; the one empty corner where nothing is measured."""
@@ -110,8 +113,8 @@ def _vary(plant) -> dict:
     """What parameters and unknowns add to the arrays."""
     x_max, u_max = (np.max(np.abs(plant.limits(v)), axis=0) for v in "xu")
     push = tuple(np.vstack([np.abs(F) @ u_max for F in m.B_unc] + [np.diag(m.B_rad @ u_max)]) for m in plant.modes)
-    corners = tuple(np.array(list(product(*zip(m.theta_lo, m.theta_hi)))) for m in plant.modes)
-    return {"A_theta": tuple(m.A_theta for m in plant.modes), "A_unc": tuple(m.A_unc for m in plant.modes),
+    corners = tuple(np.array(list(product(*zip(*m.box)))) for m in plant.modes)
+    return {"A_theta": tuple(m.A_theta for m in plant.modes), "products": len(plant.modes[0].products), "A_unc": tuple(m.A_unc for m in plant.modes),
             "A_rad": np.stack([m.A_rad for m in plant.modes]), "corners": corners, "u_push": push, "x_max": x_max}
 
 

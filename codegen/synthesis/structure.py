@@ -76,7 +76,7 @@ def _corners(problem: Problem):
     """Yield (mode, corner of theta, A there) over all modes."""
     for q in range(len(problem.names)):
         for corner, A in problem.at(q):
-            yield q, corner, A
+            yield q, corner[:problem.parameters], A
 
 
 def at_words(corner: Array) -> str:
@@ -133,7 +133,7 @@ def slow_reason(problem: Problem, lam: float) -> str | None:
         for corner, A in problem.at(q):
             s, z = unseen_decay(A, problem.C[q], problem.tnl)
             if z is not None and s > worst[0]:
-                worst = (s, z, q, corner)
+                worst = (s, z, q, corner[:problem.parameters])
     s, z, q, corner = worst
     if s <= np.sqrt(1.0 - lam):
         return None
