@@ -168,23 +168,25 @@ static int framers_are_cut(void)
     return 0;
 }
 
-/* Both framers at one end of every range: the next ones are in order, and move apart by what is largest there. */
+/* Both framers at one end of every range, and a call in this mode or after a switch: the next ones are in order, and
+ * move apart by what is largest there. */
 static int framers_at_the_ends(void)
 {
-    for (uint32_t n = 0U; n < (M(MODES) * 2U); n++)
+    for (uint32_t n = 0U; n < (M(MODES) * M(MODES) * 4U); n++)
     {
         const T(real) *const end = ((n % 2U) != 0U) ? x_hi : x_lo;
         bench b;
 
         start(&b);
-        b.in.mode = n / 2U;
+        b.in.mode = (n / 4U) % M(MODES);
         CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
         for (uint32_t i = 0U; i < M(NX); i++)
         {
             b.s.x_lo[i] = end[i];
             b.s.x_hi[i] = end[i];
         }
-        CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
+        b.in.mode = (n / 4U) / M(MODES);
+        CHECK((((n / 2U) % 2U) != 0U) || (T(step)(&b.s, &b.in, &b.out) == M(OK)));
         CHECK(T(predict)(&b.s, &b.in, &b.out) == M(OK));
         for (uint32_t i = 0U; (M(BITS) == M(NY)) && (i < M(NX)); i++)
         {

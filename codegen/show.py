@@ -99,7 +99,7 @@ def _applies(p: Plant, name: str, entry) -> str:
 
 def claims(design) -> None:
     """Print what was chosen and what is proved for the target's number type."""
-    from .report.design_words import unseen
+    from .report.design_words import NEVER
 
     real = design.plant.target.real
     chosen = next(c for c in design.choice if c["chosen"])
@@ -109,7 +109,7 @@ def claims(design) -> None:
         size = fault["by_delay"][-1]
         words = f"{number(size)} {fault['unit']} is surely detected within {len(fault['by_delay']) - 1} samples"
         out.print(f"  fault {fault['channel']}: " + (words if size is not None else
-                                                     f"surely detected: {unseen(design, real, fault['channel'])}"))
+                                                     f"surely detected: {NEVER}"))
 
 
 def proved(design, sentences: dict[str, list[str]]) -> None:

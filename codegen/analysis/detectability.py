@@ -5,7 +5,8 @@ sequence that the certificate admits and whatever the disturbance and noise with
 output leaves its bounds at some sample up to then. For one sequence, output i and delay d that is
 ``f > sup r_i / |response_i|`` (adjoint); the smallest over i and d counts, and then the worst over all
 sequences. Before the onset the errors are anywhere in their ultimate box: the figure holds once the
-framers have settled, and again after each recovery.
+framers have settled, and again after each recovery. Plants with parameters or unknowns go their own way (``robust``),
+with an assumption more where the fault acts on the state.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ def _held(claim: Claim) -> Claim:
 def _of_certificate(design, t, cert, modes):
     """Yield (beginning of the sentence, what makes its claim), in the order of ``certify.claims.check``."""
     family, timed = _source(inspect.getmodule(type(design.observer))), _timed(design)
-    varying = (*SLOPES, *RADII) * (t.vary is not None)
+    varying, late = (*SLOPES, *RADII) * (t.vary is not None), t.vary is not None and t.vary.late
 
     def claim(id, words, formula, source, code, found, plant=PLANT, constants=GAINS, checks=EXACT):
         return lambda text: Claim(id, text, (*plant, *timed), words, formula, source, code if isinstance(code, str)
@@ -124,7 +124,8 @@ def _of_certificate(design, t, cert, modes):
             constants=("M", "L", "N"))
     yield "x_lo <= x <= x_hi", claim(
         "containment", "Each offset reaches beyond the worst disturbance, noise and rounding, so no step loses the "
-        "state." + (" What the parameters do that nobody measures is covered by the radii." if varying else ""),
+        "state." + (" What the parameters do that nobody measures is covered by the radii." if varying else "")
+        + (" Where the mode that is told has changed, the bounds of both modes are joined." if late else ""),
         ("sum |T A_unc| + |T| A_rad <= R up to what the offset takes, S alike of B, |Dv (v - middle)| <= E where L "
          "depends on theta; for every theta in its box: " if varying else "")
         + "d_hi >= max[T Bw w - L Dv v - N Dv v+ + (T A - L C - M) x + (T B - L D - G) u] + rounding of inputs "
@@ -169,7 +170,8 @@ def _of_certificate(design, t, cert, modes):
 def _timed(design) -> tuple[str, ...]:
     """Entries of the plant file that the tables of parameters and of a sampled plant come from."""
     sampled = ("time.kind", "time.sample_period", "observer.sampling") if design.plant.kind == "continuous" else ()
-    return (*sampled, *THETA) if sampled or design.plant.theta else ()
+    late = ("switching.late",) * design.plant.switching.late
+    return (*sampled, *THETA, *late) if sampled or design.plant.theta else late
 
 
 def _parameters(t, modes) -> list[Claim]:
@@ -219,13 +221,22 @@ def _detection(design, t, cert, real) -> list[Claim]:
         text = f"no size of the fault {fault.channel} is claimed to be found" if size is None else (
             f"a step of the fault {fault.channel} of {size:.6g}{' ' + unit if unit else ''} or more raises an alarm "
             f"{_when(old['by_delay'].index(size))}")
-        out.append(Claim(f"detection-{fault.channel}", text, (*PLANT, "Bf", "Df", "signals.f"),
-                         "For every admissible mode sequence, disturbance and noise, some output leaves its bounds.",
+        conditional = t.vary is not None and acts_on_state(design.plant, fault.channel)
+        out.append(Claim(f"detection-{fault.channel}", text, (*PLANT, "Bf", "Df", "signals.f", *_timed(design)),
+                         "For every admissible mode sequence, disturbance and noise, some output leaves its bounds"
+                         + (", as long as no state bound is on the far end of its declared range (x_hi on the least, "
+                            "x_lo on the largest value)." if conditional else "."),
                          "size > sup r_i / |response_i| for an output i, worst over sequences (double precision, a "
                          "part in a million added)", _own(inspect.getmodule(surely_detected)),
                          _code(surely_detected), (*GAINS, "C", "D", "c"), (),
                          ("detection", "read-back", "validation")))
     return out
+
+
+def acts_on_state(plant, channel: str) -> bool:
+    """Whether a fault channel reaches the state."""
+    j = [f.name for f in plant.f].index(channel)
+    return any(m.Bf[:, j].any() for m in plant.modes)
 
 
 def _when(delay: int) -> str:

@@ -45,6 +45,9 @@ def check_linf(model, t, proof: dict, names: list[str]) -> dict:
         "error_bound2": proved bound on the squared norm of each framer's error, ultimately.
     """
     lam, mu, rho = Q(proof["lam"]), Q(proof["mu"]), Q(proof["rho"])
+    if model.t.signed:
+        raise CertificateError("certificate: the Lyapunov inequality follows each framer's error by itself, but "
+                               'entries of T A - L C take the opposite bound. Use criterion = "width".')
     if not 0 < lam < 1:
         raise CertificateError(f"certificate: lambda is {proof['lam']} (found), expected 0 < lambda < 1.")
     # Equal halves are one problem: what is proved for one holds for the other.
@@ -109,6 +112,9 @@ def check_box(model, proof: dict, names: list[str]) -> dict:
 
     ``proof`` has one z per side: "hi", "lo", and with equal gains "width".
     """
+    if model.t.signed and not np.array_equal(proof["hi"], proof["lo"]):
+        raise CertificateError("certificate: the error boxes of both framers differ, expected equal ones where entries "
+                               "of T A - L C take the opposite bound.")
     for side in model.push:
         z = rational(np.array(proof[side]))
         bad = model.box_violation(z, side)

@@ -72,6 +72,8 @@ class ErrorModel:
                 theta2 = sum((s * s for s in slack), fmpq(0)) + noise2[q] + (max(noise2) if tnl else 0)
                 self.theta2 = max(self.theta2, theta2)
 
+        if t.signed:  # an entry that takes the opposite bound mixes both errors: what bounds both follows |M|
+            self.push = dict.fromkeys(("hi", "lo"), [np.maximum(a, b) for a, b in zip(*self.push.values())])
         if t.vary is not None and t.vary.late:
             self._join(exact)
         elif t.shared:

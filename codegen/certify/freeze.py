@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 from .containment import Containment
 from .exact import Q, down, eye, product, rational, up
 from .rounding import UNIT
-from .variation import Affine, exact_mode, noise_size, pace_needed, with_products
+from .variation import Affine, computed_box, exact_mode, noise_size, pace_needed
 
 Array = np.ndarray
 SIDES = ("hi", "lo")
@@ -113,7 +113,7 @@ def vary_mode(mode, L: Array, N: Array, slopes: Array, n: dict, split: bool, rea
     T = eye(len(p["A"])) - product(N, p["C"])
     lo = [down(x, real) for x in p["theta_lo"]]
     hi = [up(x, real) for x in p["theta_hi"]]
-    box = with_products(*(rational(np.array(b)) for b in (lo, hi)), p["products"])
+    box = computed_box(*(rational(np.array(b)) for b in (lo, hi)), p["products"], real)
     Lj += [abs(L0) * 0] * (len(box[0]) - len(Lj))
     size = abs(p["A"]) + product(abs(product(N, p["C"])), abs(p["A"])) + product(abs(L0), abs(p["C"]))
     reach = [max(abs(a), abs(b)) for a, b in zip(*box)]

@@ -14,7 +14,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parent))
 import independent as plain  # noqa: E402 - stands beside this file
 from independent import SIDES, UNIT, demand, exact, mul, rounding, size, sub, sup  # noqa: E402
-from independent_step import add, left_over, mag, read_plant, times, transition  # noqa: E402
+from independent_step import add, left_over, mag, pacing, read_plant, times, transition  # noqa: E402
 
 
 class Mode:
@@ -41,7 +41,7 @@ class Mode:
         self.reach = [max(abs(a), abs(b)) for a, b in self.box]
         self.L += [times(0, self.L[0]) for _ in self.products]
         demand(len(self.M) == len(self.G) == len(self.L) == 1 + len(self.box), "a slope for every parameter")
-        self.paced = self.pacing(v, z, both, u, tiny)
+        self.paced = pacing(v, z, self.reach, both, u, tiny)
         for k in "RS":
             parts = [exact(x) for x in v[f"{k}_pace"][q]] if self.paced else []
             base, reach = exact(v[k][q]), [F(x) for x in v["top"]] if self.paced else []
@@ -59,18 +59,6 @@ class Mode:
         self.u_true = [a + b for a, b in zip(self.u, self.u_slip)]
         half, self.mid = [(b - a) / 2 for a, b in p["v"]], [(a + b) / 2 for a, b in p["v"]]
         self.half = [size(row, half) for row in p["Dv"]]
-
-    def pacing(self, v, z, both, u, tiny):
-        """Parameters whose change over a step is used: the computed factor is never below 1 - (change / reach)^2."""
-        for j, pace, top in zip(v.get("paced", []), v.get("pace", []), v.get("top", [])):
-            reach, pace = z["reach"][j], F(pace)
-            demand(both and reach is not None and reach * pace <= 1, f"the change of parameter {j} tells nothing")
-            slip = 2 * (u * self.reach[j] + tiny)
-            slip += u * (reach + slip) + tiny
-            scaled = (reach + slip) * pace * (1 + u) + tiny
-            excess = scaled**2 * (1 + u) + tiny - (reach * pace) ** 2
-            demand(F(top) >= 1 + excess + u * (2 + excess) + tiny, f"factor of parameter {j} may be too small")
-        return v.get("paced", [])
 
     def corners(self, k):
         """A table at every corner of theta."""
@@ -101,7 +89,7 @@ class Mode:
         target = [add([m + g for m, g in zip(M, G)], mul(L, self.p["CD"])) for M, G, L in zip(self.M, self.G, self.L)]
         out = left_over(self.T, z, target, self.box, self.drift, self.products, self.multiplied)
         if z is self.z:  # what a paced radius covers is counted here: all that it leaves
-            n, count = len(self.x), len(z["middle"])
+            count = len(z["middle"])
             for j, R, S in zip(self.paced, self.R_parts[1:], self.S_parts[1:]):
                 whole = mag(mul(self.T, z["first"][len(z["first"]) - count + j]))
                 kept = [[min(a, b) for a, b in zip(row, [*r, *s])] for row, r, s in zip(whole, R, S)]
@@ -119,7 +107,8 @@ class Mode:
                 c = [a + b for a, b in zip(most[k][i], slip[k][i])] if len(self.M) > 1 else getattr(self, k)[0][i]
                 return list(zip(c, bounds))
             R, S = ([a + b for a, b in zip(x[i], y[i])] for x, y in ((self.R, self.R_slip), (self.S, self.S_slip)))
-            radius = [*zip(R, self.x), *zip(S, self.u), *((e, a + b) for e, a, b in zip(self.E[i], most["L"][i], slip["L"][i]))]
+            radius = [*zip(R, self.x), *zip(S, self.u), *(
+                (e, a + b) for e, a, b in zip(self.E[i], most["L"][i], slip["L"][i]))]
             error, spread = rounding(radius, self.real)
             error += size(slip["M"][i], self.x) + size(slip["L"][i], self.E[i])
             error += size(self.R_slip[i], self.x) + size(self.S_slip[i], self.u)
@@ -215,6 +204,15 @@ def check_tables(modes, t, late):
     return at, push, theta2
 
 
+def signed(push, cert):
+    """Entries that take the opposite bound mix both errors: what bounds both follows |M|."""
+    both = [[max(a, b) for a, b in zip(*rows)] for rows in zip(push["hi"], push["lo"])]
+    push["hi"] = push["lo"] = both
+    box = cert.get("steady_box") or {"hi": 0, "lo": 0}
+    demand(box["hi"] == box["lo"], "ultimate box hi is not lo, M mixes both errors")
+    demand(cert["kind"] != "linf", "a Lyapunov inequality per framer, M mixes both errors")
+
+
 def main(folder, design, record):
     """Check a folder."""
     given, boxes, signals, h, late = read_plant(design["plant"]["toml"])
@@ -232,6 +230,8 @@ def main(folder, design, record):
         at, push, theta2 = check_tables(modes, t, late)
         grown = {f"{k}_{s}": [mag(A) if k == "M" else A for m in modes for A in m.corners(k)]
                  for k in "MGLN" for s, _ in SIDES} | ({"G_lo": None} if late else {})  # late: no width
+        if any(x < 0 for M in t["M_hi"] for row in M for x in row):
+            signed(push, cert)
         spread = {f"P_{s}": [cert[f"P_{s}"][q] for q in at] for s, _ in SIDES if f"P_{s}" in cert}
         plain.check_claims([given[q] for q in at], t | grown, cert | spread, push, theta2)
         print(f"proved for {real}: containment with rounding{', of the continuous plant at its samples' if h else ''}, "

@@ -215,3 +215,16 @@ def left_over(T, z, target, box, drift, products=(), multiplied=()):
         middle = add(middle, times(K[i] ** 2 / 2, A)) if i == j else middle
         out = add(out, times(K[i] * K[j] / (2 if i == j else 1), mag(A)))
     return add(out, mag(middle))
+
+
+def pacing(v, z, most, both, u, tiny):
+    """Parameters whose change over a step is used: the computed factor is never below 1 - (change / reach)^2."""
+    for j, pace, top in zip(v.get("paced", []), v.get("pace", []), v.get("top", [])):
+        reach, pace = z["reach"][j], F(pace)
+        demand(both and reach is not None and reach * pace <= 1, f"the change of parameter {j} tells nothing")
+        slip = 2 * (u * most[j] + tiny)
+        slip += u * (reach + slip) + tiny
+        scaled = (reach + slip) * pace * (1 + u) + tiny
+        excess = scaled**2 * (1 + u) + tiny - (reach * pace) ** 2
+        demand(F(top) >= 1 + excess + u * (2 + excess) + tiny, f"factor of parameter {j} may be too small")
+    return v.get("paced", [])

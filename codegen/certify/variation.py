@@ -43,6 +43,13 @@ def with_products(lo, hi, products) -> tuple[list, list]:
     return [*lo, *map(min, ends)], [*hi, *map(max, ends)]
 
 
+def computed_box(lo, hi, products, real: str) -> tuple[list, list]:
+    """As ``with_products`` for products that are rounded: within the rounded products of the bounds."""
+    n = len(lo)
+    lo, hi = with_products(lo, hi, products)
+    return [*lo[:n], *(Q(down(x, real)) for x in lo[n:])], [*hi[:n], *(Q(up(x, real)) for x in hi[n:])]
+
+
 class Affine:
     """A matrix affine in theta over a box.
 
@@ -108,7 +115,6 @@ class Scheduled:
         self.lo, self.hi = ([], []) if vary is None else (rational(vary.theta_lo[q]), rational(vary.theta_hi[q]))
         base = {k: rational(getattr(t, f"{k}_{side}")[q]) for k in "MGLN"}
         self.N = base["N"]
-        measured, self.theta_error = len(self.lo), []
         # Three roundings at most stand between the parameter and what the step multiplies: the caller's, and the
         # mean of two samples.
         reach = [max(abs(a), abs(b)) for a, b in zip(self.lo, self.hi)]
@@ -117,10 +123,7 @@ class Scheduled:
         for j, k in products:  # of both factors, and of the multiplication
             a, b, e, f = reach[j], reach[k], self.theta_error[j], self.theta_error[k]
             self.theta_error.append(a * f + b * e + e * f + input_error((a + e) * (b + f), self.real))
-        self.lo, self.hi = with_products(self.lo, self.hi, products)
-        # A rounded product of numbers within bounds is within the rounded product of the bounds.
-        self.lo[measured:] = [Q(down(x, self.real)) for x in self.lo[measured:]]
-        self.hi[measured:] = [Q(up(x, self.real)) for x in self.hi[measured:]]
+        self.lo, self.hi = computed_box(self.lo, self.hi, products, self.real)
         for name in "MGL":
             slopes = [] if vary is None else [rational(s) for s in getattr(vary, name)[q]]
             slopes += [zeros(*base[name].shape)] * (len(self.lo) - len(slopes))  # L does not depend on products

@@ -109,7 +109,7 @@ def _varying(family: str, t, forward: MapSpec, blind: MapSpec, inputs: str) -> t
                                      "R max(-x_lo, x_hi) + S |u|",
                                      "x_lo+ = pos(A) x_lo - neg(A) x_hi + B u + a_lo - radius, both cut to the range "
                                      "of x, for every theta within its bounds"))
-    middle += ("parameters and their products; g: least where a parameter moved at its rate, it scales a part of R and S",
+    middle += ("parameters and products; g: least where a parameter moved at its rate, scales a part of R and S",
                ) * bool(vary.paced)
     forward = replace(forward, equation=(*heading, *middle))
     signs = {"x_sign": _signs(t.x_lo, t.x_hi), "u_sign": _signs(t.u_lo, t.u_hi)}

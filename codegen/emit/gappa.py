@@ -157,7 +157,8 @@ def _parameters(prefix: str, t) -> list[Row]:
                      (f"(in_theta_{j} * in_theta_{k})",), down(input_error(Q(most[j]) * Q(most[k]), t.real)))
                 for i, (j, k) in enumerate(t.vary.products, len(most))]
     paced = [_row(f"{prefix}_g_{i}", f"least factor for a change of theta[{j}], without its own rounding",
-                  (f"({float(top).hex()} - ((change_{i} * {float(pace).hex()}) * (change_{i} * {float(pace).hex()})))",),
+                  (f"({top.hex()} - ((change_{i} * {pace.hex()}) * (change_{i} * {pace.hex()})))",),
                   down(pace_rounding(Q(1.0625), t.real)))
-             for i, (j, pace, top) in enumerate(zip(t.vary.paced, t.vary.pace, t.vary.top))] if t.vary.paced else []
+             for i, (j, pace, top) in enumerate(zip(t.vary.paced, t.vary.pace.astype(float).tolist(),
+                                                    t.vary.top.astype(float).tolist()))] if t.vary.paced else []
     return [*means, *products, *paced]

@@ -158,7 +158,8 @@ def _operands_varying(spec: Varying, t, box) -> Iterator[tuple[str, str, str]]:
     for q in range(len(lo)) if spec.products else ():
         ends = t.vary.corners(q).astype(t.dtype)
         for j in range(t.vary.parameters, ends.shape[1]):
-            a, b = (np.nextafter(x, s * np.inf, dtype=t.dtype) for x, s in ((ends[:, j].min(), -1), (ends[:, j].max(), 1)))
+            out = ((ends[:, j].min(), -1), (ends[:, j].max(), 1))
+            a, b = (np.nextafter(x, s * np.inf, dtype=t.dtype) for x, s in out)
             yield parameter(t, q, j), float(a).hex(), float(b).hex()
     for i, (_, pace, top) in enumerate(spec.paced):
         yield f"g_{i}", 0.0.hex(), top.hex()

@@ -9,8 +9,9 @@ radii. Row i becomes::
     lo = common_i + d_lo + sum M x - apart_i,      hi = common_i + d_hi + sum M x + apart_i
 
 in the order of ``codegen.observers.framer``. Products of parameters are parameters behind the measured ones; where a
-radius shrinks with the change of a parameter, R_i_j and S_i_j are computed like M_i_j, from g in place of th. Loops would have to interpolate zeros as well: all layouts are straight,
-"literal" with one function per mode, the others over a row of coefficients.
+radius shrinks with the change of a parameter, R_i_j and S_i_j are computed like M_i_j, from g in place of th. Loops
+would have to interpolate zeros as well: all layouts are straight, "literal" with one function per mode, the others
+over a row of coefficients.
 """
 
 from __future__ import annotations

@@ -40,150 +40,13 @@ import numpy as np
 from flint import arb, ctx
 
 from ..errors import DesignError
+from .drive import disturbance, held_fault
 from .model import Mode, Plant, Signal
+from .period import TERMS, Period, balls, ceiling, middles, size, upper
 from .uncertain import SCHEDULED, UncertainMode
 
 Array = np.ndarray
-#: Terms of the series; what is beyond is bounded by its tail.
-TERMS = 14
 ORDERS = {"euler": 1, "second-order": 2, "exponential": TERMS}
-
-
-def balls(array) -> Array:
-    """Object array of exact balls."""
-    array = np.asarray(array, dtype=float)
-    out = np.empty(array.shape, dtype=object)
-    for index in np.ndindex(array.shape):
-        out[index] = arb(float(array[index]))
-    return out
-
-
-def mul(A: Array, B: Array) -> Array:
-    """Matrix product of balls; an empty inner dimension gives zeros."""
-    return balls(np.zeros((A.shape[0], B.shape[1]))) if A.shape[1] == 0 else A @ B
-
-
-def size(A: Array) -> Array:
-    """Elementwise magnitude."""
-    return np.array([abs(a) for a in A.ravel()], dtype=object).reshape(A.shape)
-
-
-def ceiling(A: Array) -> Array:
-    """Upper ends of the balls, as float64 rounded up."""
-    out = np.array([float(a.upper()) for a in A.ravel()]).reshape(A.shape)
-    return np.where(out > 0, np.nextafter(out, np.inf), 0.0)
-
-
-def middles(A: Array) -> tuple[Array, Array]:
-    """Float64 near the middle of each ball, and a bound on its distance from all of the ball."""
-    near = np.array([float(a.mid()) for a in A.ravel()]).reshape(A.shape)
-    return near, ceiling(size(A - balls(near)))
-
-
-class Period:
-    """The transition of [x; u] over one period in one mode.
-
-    Parameters
-    ----------
-    Fc, slopes : object arrays (m, m), (J, m, m)
-        Middle, and effect of the known parameters.
-    known, average, excursion : object arrays (J,)
-        Largest |p_j|, and of theta_j - p_j the largest mean and magnitude over the period.
-    unknown : object array (S, m, m)
-        Effect of what is not known at all, scaled to |s_l| <= 1.
-    h : arb
-    order : int
-    products : tuple of (int, int)
-        Pairs of known parameters whose product is computed; empty: bounded.
-    """
-
-    def __init__(self, Fc, slopes, known, average, excursion, unknown, h, order, products=()):
-        self.Fc, self.slopes, self.h, self.order, self.products = Fc, slopes, h, order, products
-        self.average, self.unknown, self.known = average, unknown, known
-        m = Fc.shape[0]
-        zero = balls(np.zeros((m, m)))
-        self.Fb = size(Fc)
-        self.Tb = sum((k * size(F) for k, F in zip(known, slopes)), zero)
-        self.Db = sum((e * size(F) for e, F in zip(excursion, slopes)), zero) + sum(map(size, unknown), zero)
-        self.powers = [balls(np.eye(m))]
-        for _ in range(TERMS):
-            self.powers.append(mul(self.powers[-1], Fc))
-        self.weight = [arb(1)]
-        for k in range(1, 2 * TERMS):
-            self.weight.append(self.weight[-1] * h / k)
-
-    def series(self, terms) -> Array:
-        """Sum of weight[k] * terms[k]."""
-        return sum((self.weight[k] * term for k, term in terms), 0 * self.Fc)
-
-    def nominal(self) -> Array:
-        """Phi0, with the middle of the squares p_j^2 of the second order."""
-        out = self.series((k, self.powers[k]) for k in range(self.order + 1))
-        if self.order >= 2 and not self.products:
-            for k, F in zip(self.known, self.slopes):
-                out = out + self.weight[2] * k * k / 2 * mul(F, F)
-        return out
-
-    def derivative(self, F: Array, order: int) -> Array:
-        """Derivative of the truncated exponential in the direction F: sum_k h^k/k! sum_{a+b=k-1} Fc^a F Fc^b."""
-        return self.series((k, sum((mul(mul(self.powers[a], F), self.powers[k - 1 - a]) for a in range(k)),
-                                   0 * self.Fc)) for k in range(1, order + 1))
-
-    def second(self, j: int, k: int) -> Array:
-        """Coefficient of p_j p_k: all words with these two and any number of Fc, up to the order."""
-        F = self.slopes
-        out, plain, with_j, with_k, both = 0 * self.Fc, self.powers[0], 0 * self.Fc, 0 * self.Fc, 0 * self.Fc
-        for n in range(1, self.order + 1):
-            both = mul(both, self.Fc) + mul(with_j, F[k]) + (mul(with_k, F[j]) if j != k else 0 * self.Fc)
-            with_j, with_k = (mul(w, self.Fc) + mul(plain, F[i]) for w, i in ((with_j, j), (with_k, k)))
-            plain = self.powers[n]
-            out = out + self.weight[n] * both
-        return out
-
-    def unknowns(self) -> list[tuple[int, Array]]:
-        """First-order effect of each unknown, |s_l| <= 1; time weighted evenly, the rest is in the radius.
-
-        Beside it the known parameter whose mean over the period it is; -1: none.
-        """
-        first = [(-1, self.weight[1] * F) for F in self.unknown]
-        first += [(j, a * F) for j, (a, F) in enumerate(zip(self.average, self.slopes)) if a.upper() > 0]
-        if self.order >= 2 and not self.products:  # p_j^2 is in [0, known^2]: half the range is a radius
-            first += [(-1, self.weight[2] * k * k / 2 * mul(F, F)) for k, F in zip(self.known, self.slopes)]
-        return first
-
-    def radius(self) -> Array:
-        """Everything else, elementwise."""
-        Fb, Tb, Db, order = self.Fb, self.Tb, self.Db, self.order
-        whole, plain, middle = Fb + Tb + Db, Fb, Fb + Tb
-        powers = {name: [balls(np.eye(len(Fb)))] for name in ("whole", "plain", "middle")}
-        for _ in range(TERMS):
-            for name, base in (("whole", whole), ("plain", plain), ("middle", middle)):
-                powers[name].append(mul(powers[name][-1], base))
-        out, degree = 0 * Fb, [powers["plain"][1], Tb, 0 * Fb]
-        for k in range(2, TERMS + 1):
-            degree = [mul(x, Fb) + y for x, y in zip(degree, (0 * Fb, *(mul(x, Tb) for x in degree)))]
-            # Unknown at least once, from the second order on.
-            term = powers["whole"][k] - powers["middle"][k]
-            if k <= order:
-                # Known parameters twice or more; of the second order the squares p_j^2 are treated apart.
-                term = term + powers["middle"][k] - degree[0] - degree[1] - (degree[2] if self.products else 0 * Fb)
-                if k == 2 and not self.products:
-                    for kj, Fj in zip(self.known, self.slopes):
-                        term = term - kj * kj * mul(size(Fj), size(Fj))
-            else:
-                term = term + powers["middle"][k]
-            out = out + self.weight[k] * term
-        return out + self.tail(whole, TERMS)
-
-    def tail(self, base: Array, terms: int) -> Array:
-        """Bound on sum_{k > terms} h^k/k! base^k, elementwise: a geometric series of the largest row sum."""
-        row = max(float((sum(r, arb(0))).upper()) for r in base) if base.size else 0.0
-        step = arb(row) * self.h
-        ratio = step / (terms + 2)
-        if not ratio.upper() < 0.5:
-            raise OverflowError
-        rest = step ** (terms + 1) / arb.fac_ui(terms + 1) / (1 - ratio)
-        return np.full(base.shape, arb(rest.upper()), dtype=object)
 
 
 def sampled(plant: Plant) -> Plant:
@@ -257,11 +120,6 @@ def _excursions(plant: Plant, known: list[int], radius: Array, h: arb) -> tuple[
     return excursion, average
 
 
-def upper(x: arb) -> float:
-    """Upper end of a ball."""
-    return float(x.upper())
-
-
 def _discrete(plant, mode, period: Period, known, middle, lo, hi) -> UncertainMode:
     n = plant.n_x
     base, spread = middles(period.nominal()[:n])
@@ -294,10 +152,11 @@ def _discrete(plant, mode, period: Period, known, middle, lo, hi) -> UncertainMo
     error = np.array([plant.theta[j].error for j in known])
     reach = [period.h * float(plant.theta[j].rate) for j in known] if plant.multiplies_parameters else []
     # Less than the whole reach counts as unknown only where the change over the period is known without error.
-    paced = [j if reach and plant.reads_both_ends and not error[j] and upper(reach[j] / 4) <= hi[known[j]] - lo[known[j]]
-             else -1 for j in of] if reach else [-1] * len(of)
-    Bw, w_lo, w_hi = _disturbance(plant, mode, period)
-    fault = dict(zip(("Bf", "Bf_rad"), _held_fault(period, balls(mode.Bf))))
+    exact = plant.reads_both_ends & (error == 0)
+    paced = [j if reach and j >= 0 and exact[j] and upper(reach[j] / 4) <= hi[known[j]] - lo[known[j]] else -1
+             for j in of]
+    Bw, w_lo, w_hi = disturbance(plant, mode, period)
+    fault = dict(zip(("Bf", "Bf_rad"), held_fault(period, balls(mode.Bf))))
     keep = {k: getattr(mode, k) for k in ("name", "C", "D", "Dv", "Df", "v_lo", "v_hi")}
     return UncertainMode(
         **keep, **fault, A=start[:, :n], B=start[:, n:], Bw=Bw, w_lo=w_lo, w_hi=w_hi, A_theta=slopes[:, :, :n],
@@ -343,67 +202,3 @@ def _multiplied(period: Period, middle: list, exact: Array, slopes: Array, lo: A
         rounded.append(value)
         radius = radius + balls(off) * arb(float(reach))
     return base, np.array([*rounded, *quadratic]), radius
-
-
-def _integral(period: Period, n: int) -> Array:
-    """int_0^h e^{Ac s} ds, a ball matrix."""
-    return sum((period.weight[k + 1] * period.powers[k][:n, :n] for k in range(period.order + 1)),
-               0 * period.Fc[:n, :n])
-
-
-def _held_fault(period: Period, Bf: Array) -> tuple[Array, Array]:
-    """Effect of a fault that is held over the period, ``int Phi ds Bf``: float64 matrix, bound on the rest."""
-    n = len(Bf)
-    whole, plain, Bb = (period.Fb + period.Tb + period.Db)[:n, :n], period.Fb[:n, :n], size(Bf)
-    middle, spread = middles(mul(_integral(period, n), Bf))
-    rest = balls(spread) + period.h * mul(period.tail(period.Fb + period.Tb + period.Db, TERMS - 1)[:n, :n], Bb)
-    p_whole, p_plain = Bb, Bb
-    for k in range(1, TERMS + 1):
-        p_whole, p_plain = mul(whole, p_whole), mul(plain, p_plain)
-        rest = rest + period.weight[k + 1] * (p_whole - (p_plain if k <= period.order else 0 * p_plain))
-    return middle, ceiling(rest)
-
-
-def _disturbance(plant, mode, period: Period) -> tuple[Array, Array, Array]:
-    """[mean; rest] of the disturbance: its matrix and bounds."""
-    n, h, weight = plant.n_x, period.h, period.weight
-    w_lo, w_hi = balls(mode.w_lo), balls(mode.w_hi)
-    half, most = (w_hi - w_lo) / 2, np.array([max(abs(a), abs(b), key=upper) for a, b in zip(w_lo, w_hi)], dtype=object)
-    Bw, Ab = balls(mode.Bw), period.Fb[:n, :n]
-    whole = (period.Fb + period.Tb + period.Db)[:n, :n]
-    gain, spread = middles(mul(_integral(period, n), Bw))
-    Bb = size(Bw)
-
-    def apply(A: Array, x: Array) -> Array:
-        return mul(A, x.reshape(-1, 1)).ravel() if len(x) else np.array([arb(0)] * n, dtype=object)
-
-    rest = apply(balls(spread), most)
-    # The mean weighs every instant alike, e^{Ac s} does not: |f - mean f| integrated, f' <= |Ac| e^{|Ac| h} |Bw|.
-    term, growth = mul(Ab, Bb), mul(Ab, Bb)
-    for k in range(1, TERMS):
-        term = mul(Ab, term) * h / k
-        growth = growth + term
-    tail = period.tail(period.Fb + period.Tb + period.Db, TERMS - 1)[:n, :n]
-    growth = growth + mul(tail, mul(Ab, Bb))
-    rest = rest + h * h / 4 * apply(growth, half)
-    # Parameters away from the middle, and what the truncated integral leaves out.
-    p_whole, p_plain, beyond = Bb, Bb, 0 * Bb
-    for k in range(1, TERMS + 1):
-        p_whole, p_plain = mul(whole, p_whole), mul(Ab, p_plain)
-        beyond = beyond + weight[k + 1] * (p_whole - p_plain)
-        if k > period.order:
-            beyond = beyond + weight[k + 1] * p_plain
-    rest = rest + apply(beyond, most) + apply(mul(tail, Bb) * h, most)
-    # Inputs that move between samples.
-    rates = np.array([arb(float(s.rate)) for s in plant.u], dtype=object)
-    if len(rates):
-        B_most = (period.Fb + period.Tb + period.Db)[:n, n:]
-        term, moved = B_most, 0 * B_most
-        for k in range(TERMS):
-            moved = moved + weight[k + 2] * term
-            term = mul(whole, term)
-        moved = moved + mul(tail, B_most) * h * h
-        rest = rest + apply(moved, rates)
-    box = ceiling(rest)
-    Bw_d = np.hstack([gain, np.eye(n)])
-    return Bw_d, np.concatenate([mode.w_lo, -box]), np.concatenate([mode.w_hi, box])

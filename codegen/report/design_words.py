@@ -109,9 +109,9 @@ def _varying(design, real: str) -> str:
 def _choice(design) -> tuple[Table, tuple[Folded, ...]]:
     """What was tried, best first."""
     head = ("method", "design", *(f"#{f.name}" for f in design.plant.f), "#relative width", "#level")
-    rows, target = [], design.plant.target.real
+    rows: list[Row] = []
     for entry in design.choice:
-        faults = [words.quantity(words.at_most(x), f.unit) if x is not None else unseen(design, target, f.name)
+        faults = [words.quantity(words.at_most(x), f.unit) if x is not None else NEVER
                   for x, f in zip(entry["surely_detected"], design.plant.f)]
         label = entry["design"] + (" (chosen)" if entry["chosen"] else "")
         cells = (entry["method"], label, *faults, words.at_most(entry["relative_width"], 3),
@@ -192,22 +192,10 @@ def varies(design, real: str) -> bool:
     return design.observer.tables[real].vary is not None
 
 
-def unseen(design, real: str, channel: str) -> str:
-    """Say why a fault channel has no surely detected size.
-
-    Parameters
-    ----------
-    design : Design
-    real : str
-    channel : str
-
-    Returns
-    -------
-    text : str
-    """
+def hides(design, real: str, channel: str) -> bool:
+    """Whether a fault can hide behind the cut to the declared range (``analysis.robust``): one on the state can."""
     j = [f.name for f in design.plant.f].index(channel)
-    on_state = any(np.any(m.Bf[:, j]) for m in design.plant.modes)
-    return "none given" if varies(design, real) and on_state else NEVER
+    return varies(design, real) and any(np.any(m.Bf[:, j]) for m in design.plant.modes)
 
 
 def _detection(design, real: str) -> tuple[Table, ...]:
@@ -226,8 +214,7 @@ def _detection(design, real: str) -> tuple[Table, ...]:
         for size in fault["by_delay"]:
             beyond = size is not None and size > largest
             warned |= beyond
-            text = unseen(design, real, fault["channel"]) if size is None else words.quantity(words.at_most(size),
-                                                                                             fault["unit"])
+            text = NEVER if size is None else words.quantity(words.at_most(size), fault["unit"])
             cells.append(Cell(text + (" *" if beyond else ""), "num warn" if beyond or size is None else "num"))
         rows.append(cells)
     notes = ["A step of this size or more, of either sign, puts an output outside its bounds within this time, "
@@ -236,7 +223,9 @@ def _detection(design, real: str) -> tuple[Table, ...]:
     if varies(design, real):
         notes.append("Parameters and unknowns move the errors too: these thresholds bound every path of theta and "
                      "every unknown at once, over all modes. They are safe and may be larger than need be."
-                     + (" For a fault that acts on the state no size is given: it may be found, nothing is promised."
-                        if any(np.any(m.Bf) for m in design.plant.modes) else ""))
+                     + (" For a fault that acts on the state they hold while no bound is on the far end of the "
+                        "declared range, x_hi on the least or x_lo on the largest value: the state then is so close "
+                        "to that end that the fault can hide in the cut."
+                        if any(hides(design, real, f["channel"]) for f in faults) else ""))
     notes += ["* larger than the declared range of the fault"] * warned
     return (table("Smallest fault that is surely detected", head, rows, notes),)

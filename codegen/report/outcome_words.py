@@ -6,7 +6,7 @@ import numpy as np
 
 from ..analysis.validate import Episode, Outcome
 from . import words
-from .design_words import settled_width, unseen
+from .design_words import NEVER, hides, settled_width
 from .table import Cell, Folded, Table, table, verdict
 
 FEW = 6  # episodes that are shown without a click
@@ -90,7 +90,9 @@ def promise(design, real: str, outcome: Outcome, e: Episode) -> tuple[int | None
             continue
         step, measured = values[:d + 1], ~np.isnan(trace.r_lo[e.start:e.start + d + 1])
         if len(step) == d + 1 and np.all(step == step[0]) and measured.all():
-            return d, ""
+            t, at = design.observer.tables[real], slice(e.start, e.start + d + 1)
+            far = np.any((trace.x_hi[at] <= t.x_lo) | (trace.x_lo[at] >= t.x_hi))
+            return (None, "a bound on the far end of the range") if far and hides(design, real, e.channel) else (d, "")
         reason = "too short, no step, or a sample is missing"
     if np.any(values != values[0]):
         reason = "no step"
@@ -125,7 +127,7 @@ def episode_tables(design, real: str, outcome: Outcome) -> tuple[tuple[Table, ..
         (limit, reason), size, unit = promise(design, real, outcome, e), threshold(design, real, e), units[e.channel]
         rows.append((e.channel, f"{e.start} – {e.stop - 1}", f"{words.number(e.start * period, 6)}{words.THIN}s",
                      words.quantity(words.number(e.size), unit),
-                     unseen(design, real, e.channel) if size is None else words.quantity(words.at_most(size), unit),
+                     NEVER if size is None else words.quantity(words.at_most(size), unit),
                      f"nothing: {reason}" if limit is None else words.within(limit, period),
                      _found(words.delay(e.delay, period), e.delay is not None, kept(design, real, outcome, e))))
     head = ("fault", "samples", "#from", "#size", "#surely detected from", "promised", "found")

@@ -16,7 +16,8 @@ from .plots import inline
 from .table import Cell, Plot, Row, Table, table
 
 CAPTION = ("For every period the plant is sampled and the gains are designed anew, for the smallest steady width "
-           "before rounding{tnl}. Widths below a millionth of the range are not drawn.")
+           "before rounding{late}{tnl}. Widths below a millionth of the range are not drawn.")
+LATE = " and before the union of two modes where one is told late"
 TNL = ", with gains N no larger (relative to those that reproduce the measurement) than in this firmware"
 
 
@@ -50,7 +51,8 @@ def words_of(design, real: str, points: Sequence) -> tuple[PeriodWords, ...]:
     scale = np.array([reach(s) for s in plant.x])
     figure = period_figure(points, scale, [s.name for s in plant.x], plant.sample_period)
     plot = Plot(inline(figure, "periods", "Guaranteed width against sampling period"),
-                CAPTION.format(tnl=TNL if np.any(design.observer.tables[real].N_hi) else ""))
+                CAPTION.format(tnl=TNL if np.any(design.observer.tables[real].N_hi) else "",
+                               late=LATE if plant.switching.late else ""))
     return (PeriodWords(_text(design, real, points, scale), (plot,), (_table(plant, points, scale),)),)
 
 
@@ -78,8 +80,10 @@ def _text(design, real: str, points: Sequence, scale) -> str:
     if found is not None and here is not None:
         sees = bool(design.plant.f) and "criterion" not in design.options
         chosen = " and chosen for the faults that it finds" if sees else ""
-        parts.append("These widths leave rounding out. The design of this firmware, rounding included"
-                     f"{chosen}, has {percent(float(np.sum(found / scale)))}")
+        union = design.plant.switching.late
+        parts.append(f"These widths leave {'rounding and late switches' if union else 'rounding'} out. The design of "
+                     f"this firmware, {'both' if union else 'rounding'} included{chosen}, has "
+                     f"{percent(float(np.sum(found / scale)))}")
     gone = [p.period for p in points if p.width is None and p.period > period]
     last = max((p.period for p in points if p.width is not None), default=None)
     if gone and last is not None and last >= period:

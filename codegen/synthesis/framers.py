@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ..errors import DesignError
-from . import detection, linf, policy, width
+from . import continuous, detection, linf, lipschitz, policy, width
 from .problem import Candidate, Judge, Problem
 from .structure import obstruction, slow_reason
 
@@ -17,7 +17,8 @@ Array = np.ndarray
 OPTIONS = {
     "criterion": ("linf", "width", "detection"), "lyapunov": ("common", "multiple"), "lambda": (0.0, 1.0),
     "contraction": (0.0, 1.0), "sampling": ("euler", "second-order", "exponential"),
-    "interpolation": ("linear", "quadratic"),
+    "interpolation": ("linear", "quadratic"), "design": ("sampled", "continuous"), "decay": (0.0, 1e9),
+    "metzler": (0.0, 1e12),
     "gain_cap": (0.0, 1e6), "evaluations": (1, 100000), "within": (0, 50), "gains": dict,
 }
 
@@ -156,10 +157,16 @@ def candidates_varying(plant, tnl: bool, options: dict, judge, settled, progress
     if options.get("criterion") == "detection":
         raise DesignError(f'{plant.name}: criterion "detection" is for constant matrices per mode, expected "width" or '
                           '"linf". Without a criterion the design with the smallest surely detected fault is kept.')
+    if split and options.get("criterion") == "linf":
+        raise DesignError(f'{plant.name}: criterion "linf" is not to be had where entries of A - L C may have either '
+                          'sign, expected "width": they carry the error of one framer to the other.')
     if plant.switching.late and options.get("criterion") == "linf":
         raise DesignError(f'{plant.name}: criterion "linf" is not to be had where the mode is told late, expected '
                           '"width": the union of two framers may be larger than either in the norm of a quadratic '
                           "function.")
+    if options.get("design") == "continuous":
+        yield from in_continuous_time(plant, tnl, options, progress, split)
+        return
     problem = Problem.of(plant, tnl, split)
     # Of a continuous plant with measured parameters the caller tells the longest period that has a design.
     reason = None if problem.parameters and plant.kind == "continuous" else obstruction(problem)
@@ -172,7 +179,7 @@ def candidates_varying(plant, tnl: bool, options: dict, judge, settled, progress
         return  # the other two criteria bound a sum of errors, which a union of two framers does not keep
     if "width" in wanted:
         yield from width.candidates(problem, options, progress)
-    if "linf" in wanted:
+    if "linf" in wanted and not split:
         found = False
         for c in linf.candidates(problem, options, progress):
             found = True
@@ -180,3 +187,20 @@ def candidates_varying(plant, tnl: bool, options: dict, judge, settled, progress
         slow = None if found or "lambda" not in options or split else slow_reason(problem, float(options["lambda"]))
         if slow is not None:
             raise DesignError(f"{plant.name}: {slow}")
+
+
+def in_continuous_time(plant, tnl: bool, options: dict, progress, split: bool) -> Iterator[Candidate]:
+    """Designs of ``continuous``, where the plant and the method have any.
+
+    Raises
+    ------
+    DesignError
+    """
+    if plant.kind != "continuous" or split or plant.switching.late:
+        late = "a mode that is told late" if plant.switching.late else 'method "component-interval"'
+        found = "a discrete plant" if plant.kind != "continuous" else late
+        raise DesignError(f'{plant.name}: observer.design = "continuous" is not to be had for {found}, expected a '
+                          'continuous plant and method "lpv-interval" or "tnl-interval-lpv". Use design = "sampled".')
+    yield from continuous.candidates(plant, tnl, options, progress)
+    if tnl and options.get("criterion") != "width" and not any(s.measured for s in plant.theta):
+        yield from lipschitz.candidates(plant, options, progress)

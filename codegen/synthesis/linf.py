@@ -69,21 +69,26 @@ class LinfProblem:
 
     def _corner(self, q: int, corner: Array, A: Array) -> list:
         C = self.problem.C[q]
-        n, W, X = len(A), self.W[q], self.X[q]
+        W, X = self.W[q], self.X[q]
         for value, slope in zip(corner, self.slopes[q]):
             W = W + value * slope
         P = cp.diag(self.P[q if self.multiple else 0])
         PM = P @ A - W @ C - (X @ (C @ A) if X is not None else 0)
-        signs = [PM >= 0]
-        if self.problem.split:  # the errors follow the magnitudes of M
-            size = cp.Variable((n, n))
-            signs, PM = [size >= PM, size >= -PM], size
-        PH = cp.hstack([P, W] + ([X] if X is not None else []))
+        return self._decay(P, PM, cp.hstack([P, W] + ([X] if X is not None else [])))
+
+    def _decay(self, P, PM, PH) -> list:
+        """Sign and decay of P M, with the disturbances through P H."""
+        n = P.shape[0]
         k = PH.shape[1]
         block = cp.bmat([[self.shrink * P, np.zeros((n, k)), PM.T],
                          [np.zeros((k, n)), self.mu * np.eye(k), PH.T],
                          [PM, PH, P]])
-        return [*signs, (block + block.T) / 2 >> 1e-7 * np.eye(2 * n + k)]
+        return [PM >= 0, (block + block.T) / 2 >> 1e-7 * np.eye(2 * n + k)]
+
+    @staticmethod
+    def kept(lam: float) -> float:
+        """What of V is left after a sample."""
+        return 1.0 - lam
 
     def solve(self, lam: float, rho: float = 1.0) -> dict | None:
         """Minimise mu at a decay rate and jump factor.
@@ -94,7 +99,7 @@ class LinfProblem:
             "L", "N" (N, n_x, n_y), "P" (N, n_x), "mu"; None where the solver found nothing. Its status is
             not believed either way: what it returns is certified on the rounded constants afterwards.
         """
-        self.shrink.value, self.rho.value = 1.0 - lam, rho
+        self.shrink.value, self.rho.value = self.kept(lam), rho
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # "may be inaccurate" is for the certificate to decide

@@ -114,7 +114,8 @@ def _vary(plant) -> dict:
     x_max, u_max = (np.max(np.abs(plant.limits(v)), axis=0) for v in "xu")
     push = tuple(np.vstack([np.abs(F) @ u_max for F in m.B_unc] + [np.diag(m.B_rad @ u_max)]) for m in plant.modes)
     corners = tuple(np.array(list(product(*zip(*m.box)))) for m in plant.modes)
-    return {"A_theta": tuple(m.A_theta for m in plant.modes), "products": len(plant.modes[0].products), "A_unc": tuple(m.A_unc for m in plant.modes),
+    return {"A_theta": tuple(m.A_theta for m in plant.modes), "products": len(plant.modes[0].products),
+            "A_unc": tuple(m.A_unc for m in plant.modes),
             "A_rad": np.stack([m.A_rad for m in plant.modes]), "corners": corners, "u_push": push, "x_max": x_max}
 
 

@@ -79,9 +79,18 @@ class WidthProblem:
         if X is not None:
             M = M - X @ (s.C[q] @ A)
         noise = cp.sum(cp.abs(W @ s.Dv[q]) @ s.v_half) if s.v_half.size else 0
-        size = cp.abs(M) if s.split else M
-        bounds = [cp.sum(size, axis=0) <= self.keep * self.p, noise + drive <= self.t]
-        return bounds if s.split else [M >= 0, *bounds]
+        return [*self._decay(M), noise + drive <= self.t]
+
+    def _decay(self, M) -> list:
+        """Sign and contraction of diag(p) M."""
+        size = cp.abs(M) if self.problem.split else M
+        shrinks = cp.sum(size, axis=0) <= self.keep * self.p
+        return [shrinks] if self.problem.split else [M >= 0, shrinks]
+
+    @staticmethod
+    def kept(a: float) -> float:
+        """What of p' e is left after a sample."""
+        return 1.0 - a
 
     def solve(self, a: float) -> dict | None:
         """Minimise t at a contraction rate; None where there is no solution.
@@ -91,7 +100,7 @@ class WidthProblem:
         dict or None
             "L", "N" (N, n_x, n_y), "p" (n_x,), "t".
         """
-        self.keep.value = 1.0 - a
+        self.keep.value = self.kept(a)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # cvxpy's own bound propagation multiplies 0 by infinity

@@ -7,14 +7,17 @@ import numpy as np
 import pytest
 from exact import campaign, false_alarms, feed, lost
 
+from codegen.assurance.claims import claims
 from codegen.certify.error_model import ErrorModel
 from codegen.designs import read_design
 from codegen.emit.package import files
 from codegen.errors import DesignError
 from codegen.observers.tnl import TnlObserver
+from codegen.periods import curve
 from codegen.pipeline import design as make
 from codegen.plant.load import gallery_folder, loads
 from codegen.plant.simulate import simulate, told
+from codegen.report import period_words
 
 GENERATED = Path(__file__).resolve().parents[2] / "generated" / "zammali_fd_tnl-interval"
 LATE = '[switching]\nlate = true\n\n[[scenario]]'
@@ -96,3 +99,14 @@ def test_the_header_says_what_is_told(design):
     assert "still that of the step" in " ".join(header.replace("*", " ").split())
     plain = files(read_design(GENERATED), measure=False)["zammali_fd.h"]
     assert "its true mode" in plain and "still that of" not in " ".join(plain.replace("*", " ").split())
+
+
+@pytest.mark.parametrize(("name", "late"), [("hoist", True), ("motor", False)])
+def test_report_and_assurance_say_what_a_late_mode_costs_and_rests_on(workshop, name, late):
+    design = workshop.gallery(name, "tnl-interval-lpv")
+    (words,) = period_words.words_of(design, "float32", curve(design.plant, True, False, (0.5, 1.0)))
+    assert ("rounding and late switches out" in words.text) == late == ("union of two modes" in words.plots[0].caption)
+    of = {c.id: c for c in claims(design, "float32")}
+    for key in ("containment", "ultimate-width", "detection-shunt"):
+        assert ("switching.late" in of[key].plant) == late and "signals.theta" in of[key].plant
+    assert ("the bounds of both modes are joined" in of["containment"].words) == late

@@ -18,7 +18,8 @@ from codegen.plant.load import load, loads
 from codegen.plant.uncertain import UncertainMode
 from codegen.select import choose
 
-VARYING = ("chevet", "buck", "motor", "lamouchi", "lamouchi_detector", "zammali_lpv_dt", "zammali_lpv_ct1")
+VARYING = ("chevet", "buck", "motor", "lamouchi", "lamouchi_detector", "zammali_lpv_dt", "zammali_lpv_ct1",
+           "zammali_lpv_quadratic")
 
 # Everything at once in discrete time, states on both sides of zero; "split" as lamouchi has no measured parameter.
 SMALL = """
@@ -89,6 +90,8 @@ def simulate(plant, seed, steps=60, hold=5):
     boxes = [(m.theta_lo, m.theta_hi) for m in seen.modes]
     theta = np.array([corner(*boxes[i], rng) for i in q]).reshape(steps, -1).astype(np.float32)
     theta = np.array([np.clip(t, *boxes[i]) for t, i in zip(theta, q)]).astype(np.float32)
+    if seen.modes[0].products:  # within their rates, and at rest half of the time
+        theta = paced(theta, seen.modes[0], rng)
     rows, ys, us = [], [], []
     for k in range(steps):
         m: UncertainMode = seen.modes[q[k]]
@@ -103,9 +106,13 @@ def simulate(plant, seed, steps=60, hold=5):
         p = rational(theta[k])
         if plant.reads_both_ends:
             p = [(a + Q(b)) / 2 for a, b in zip(p, theta[min(k + 1, steps - 1)])]
+        p += [p[j] * p[k] for j, k in m.products]
+        change = [Q(b) - Q(a) for a, b in zip(theta[k], theta[min(k + 1, steps - 1)])]
+        pace = [-1] * len(m.A_unc) if m.paced is None else m.paced
+        share = [1 if j < 0 else 1 - (change[j] / Q(m.reach[j])) ** 2 for j in pace]
         after = [a + b + c for a, b, c in zip(exact_sum(m.A, x), exact_sum(m.B, now), exact_sum(m.Bw, rational(w)))]
         parts = [(t, F, G) for t, F, G in zip(p, m.A_theta, m.B_theta)]
-        parts += [(Q(s), F, G) for s, F, G in zip(signs[2:], m.A_unc, m.B_unc)]
+        parts += [(Q(s) * r, F, G) for s, r, F, G in zip(signs[2:], share, m.A_unc, m.B_unc)]
         for factor, F, G in parts:
             after = [a + factor * (b + c) for a, b, c in zip(after, exact_sum(F, x), exact_sum(G, now))]
         # dA, dB at the end that pushes state i up or down as far as it goes.
@@ -113,6 +120,16 @@ def simulate(plant, seed, steps=60, hold=5):
         apart = [b + c for b, c in zip(exact_sum(m.A_rad, sizes[0]), exact_sum(m.B_rad, sizes[1]))]
         x = [a + int(signs[-1 - i % 2]) * b for i, (a, b) in enumerate(zip(after, apart))]
     return rows, np.array(us), ys, q, theta
+
+
+def paced(theta, mode, rng):
+    """A path from one corner to the next, at most as fast as the rates, held for a while at each."""
+    out, goal = theta.copy(), theta[0]
+    for k in range(1, len(out)):
+        goal = theta[k] if k % 8 == 0 else goal
+        step = np.clip(goal.astype(float) - out[k - 1], -0.999 * mode.reach, 0.999 * mode.reach)
+        out[k] = np.clip((out[k - 1] + step * (k % 8 > 3)).astype(np.float32), mode.theta_lo, mode.theta_hi)
+    return out
 
 
 def case(name, runs=6):
@@ -202,7 +219,18 @@ def start_of_the_step(design, monkeypatch):
     return with_tables(design, midpoint=False)
 
 
+def never_off(design, monkeypatch):
+    """The mean of both ends taken for the mean over the step, whatever the parameter did."""
+    return with_tables(design, top=0 * design.observer.tables["float32"].vary.top)
+
+
+def wrong_product(design, monkeypatch):
+    """Squares of the first parameter in place of the products."""
+    return with_tables(design, products=((0, 0), (0, 0), (1, 1)))
+
+
 MUTANTS = {
+    never_off: ("zammali_lpv_quadratic",), wrong_product: ("zammali_lpv_quadratic",),
     no_radius: ("chevet", "buck", "motor", "lamouchi", "small", "small tnl", "rated"),
     no_input_radius: ("small", "rated"),
     no_noise: ("small", "zammali_lpv_dt"),

@@ -4,6 +4,7 @@ import re
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,10 +15,12 @@ from helpers.reports import StandInDriver, outcomes_of, output_folder  # noqa: E
 from helpers.varying import HELD, heater_design  # noqa: E402
 
 from codegen.analysis import panels, plots  # noqa: E402
+from codegen.analysis.validate import Episode  # noqa: E402
 from codegen.periods import FACTORS, PeriodPoint  # noqa: E402
 from codegen.pipeline import period_curve  # noqa: E402
 from codegen.plant.load import loads  # noqa: E402
-from codegen.report import design_words, parameter_words, period_words, plant_words, words  # noqa: E402
+from codegen.plant.simulate import simulate  # noqa: E402
+from codegen.report import design_words, outcome_words, parameter_words, period_words, plant_words, words  # noqa: E402
 from codegen.report.page import view, write_report  # noqa: E402
 
 
@@ -107,17 +110,37 @@ def test_slopes_and_radii_read_back(heater, page):
     assert "R max(−x_lo, x_hi) + S |u|" in text
 
 
-def test_a_fault_on_the_state_has_no_promise(heater, page):
+def test_a_fault_on_the_state_has_its_promise_and_its_condition(heater, page):
     text = text_of(page)
-    assert "these thresholds bound every path of theta" in text and "it may be found, nothing is promised" in text
-    assert "leak: no surely detected size given" in text and "no fault surely detected" not in text
-    assert design_words.unseen(heater, "float32", "leak") == "none given"
-    # A channel that is covered and has none at any size is told apart.
-    assert design_words.unseen(heater, "float32", "drift") == design_words.NEVER
+    assert "these thresholds bound every path of theta" in text and "far end of the declared range" in text
+    assert design_words.hides(heater, "float32", "leak") and not design_words.hides(heater, "float32", "drift")
+    size = heater.detection["float32"][1]["by_delay"]
+    assert size[0] is None and 20 < size[-1] <= size[1] < 30
+    assert "smallest surely detected leak fault" in text
+    # A channel that has none at any size.
     blind = replace(heater, detection={r: [dict(f, by_delay=[None] * 4) for f in faults]
                                        for r, faults in heater.detection.items()})
     figures = [f.term for f in view(Path("."), blind, StandInDriver(blind), []).verdict.figures]
-    assert "drift: no fault surely detected" in figures and "leak: no surely detected size given" in figures
+    assert "drift: no fault surely detected" in figures and "leak: no fault surely detected" in figures
+
+
+def test_nothing_is_promised_with_a_bound_on_the_far_end(heater):
+    """A fault on the state can hide in the cut; one of a sensor cannot."""
+    plant, t = heater.plant, heater.observer.tables["float32"]
+    f = np.zeros((40, 2))
+    f[20:, 1] = 30.0
+    run = simulate(plant, replace(plant.scenarios[0], steps=40, fault=()), seed=0)
+    trace = heater.observer.run(u=run.u, y=run.y, q=run.q, theta=run.theta)
+    done = SimpleNamespace(truth=replace(run, f=f), trace=trace, settled=np.ones(40, dtype=bool))
+    trace.assured[:] = True
+    trace.x_lo[20], trace.x_hi[20] = 0.0, 0.0
+    episode = Episode("leak", 20, 40, 30.0, None)
+    assert outcome_words.promise(heater, "float32", done, episode) == (1, "")
+    trace.x_lo[21, 1] = t.x_hi[1]
+    assert outcome_words.promise(heater, "float32", done, episode) == (None, "a bound on the far end of the range")
+    sensor = Episode("drift", 20, 40, 30.0, None)
+    done.truth = replace(run, f=f[:, ::-1])
+    assert outcome_words.promise(heater, "float32", done, sensor) == (0, "")
 
 
 def test_the_parameters_are_drawn(heater, outcomes, page):
