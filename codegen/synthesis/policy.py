@@ -6,7 +6,8 @@ For a width vector W the best gains of a row are found without looking at the ot
            |M_i(theta)| W + |T_i Bw| 2 wbar + |L_i(theta) Dv| 2 vbar + |N_i Dv| 2 vbar + 2 (unknowns over range of x)
 
 with M = T A - L C, and M >= 0 unless ``split``. The map is monotone and, where a design exists, contracts to one fixed
-point: no constant gains have a smaller steady width, in any state, for arbitrary switching. It is piecewise linear, so
+point: no constant gains have a smaller steady width, in any state, for arbitrary switching (where the mode is told late
+and the bounds of two modes are joined, their difference counts as a mean over the other modes). It is piecewise linear, so
 each round solves the linear system of the gains and corners that are active (Newton), which a short sampling period
 with its slow contraction needs. A cap on |N| keeps a sensor fault
 visible: with C N = I the correction swallows it.
@@ -56,6 +57,8 @@ class Row:
             terms.append(through(np.eye(self.n), 2 * (s.A_rad[q] @ s.x_max + s.u_push[q][count:].sum(axis=0)
                                                       + s.u_push[q][:count].sum(axis=0))))
             terms += [through(F, 2 * s.x_max) for F in s.A_unc[q]]
+        for F, push in s.apart[q] if s.apart else ():  # a step of another mode in place of this one, one switch each
+            terms += [through(F, 2 * s.x_max / len(s.apart[q])), through(np.eye(self.n), 2 * push / len(s.apart[q]))]
         return terms
 
     def _corner(self, corner: Array, A: Array):

@@ -44,6 +44,9 @@ class Problem:
         Largest effect of each unknown through B, and of the box of B, over the range of u.
     x_max : ndarray (n_x,)
         Largest magnitude of the declared range of x.
+    apart : tuple over modes of tuple of (ndarray (n_x, n_x), ndarray (n_x,))
+        Where the mode is told late: for each other mode the difference of A (at the middle of theta), and the largest
+        difference of B u. Empty otherwise.
     split : bool
         Entries of T A - L C may be negative; they then take the opposite bound.
     tau : float or None
@@ -72,6 +75,7 @@ class Problem:
     corners: tuple[Array, ...] = ()
     u_push: tuple[Array, ...] = ()
     x_max: Array | None = None
+    apart: tuple[tuple[tuple[Array, Array], ...], ...] = ()
     split: bool = False
 
     @property
@@ -113,10 +117,17 @@ def _vary(plant) -> dict:
     """What parameters and unknowns add to the arrays."""
     x_max, u_max = (np.max(np.abs(plant.limits(v)), axis=0) for v in "xu")
     push = tuple(np.vstack([np.abs(F) @ u_max for F in m.B_unc] + [np.diag(m.B_rad @ u_max)]) for m in plant.modes)
+    middles = []
+    for m in plant.modes:
+        at = np.sum(m.box, axis=0) / 2
+        middles.append((m.A + np.tensordot(at, m.A_theta, 1), m.B + np.tensordot(at, m.B_theta, 1)))
+    apart = tuple(tuple((A - a, np.abs(B - b) @ u_max) for r, (a, b) in enumerate(middles) if r != q)
+                  for q, (A, B) in enumerate(middles)) if plant.switching.late else ()
     corners = tuple(np.array(list(product(*zip(*m.box)))) for m in plant.modes)
     return {"A_theta": tuple(m.A_theta for m in plant.modes), "products": len(plant.modes[0].products),
             "A_unc": tuple(m.A_unc for m in plant.modes),
-            "A_rad": np.stack([m.A_rad for m in plant.modes]), "corners": corners, "u_push": push, "x_max": x_max}
+            "A_rad": np.stack([m.A_rad for m in plant.modes]), "corners": corners, "u_push": push, "x_max": x_max,
+            "apart": apart}
 
 
 @dataclass(frozen=True)
