@@ -128,11 +128,14 @@ def _signs(lo: Array, hi: Array) -> Array:
 
 
 def _gain_signs(t) -> Array:
-    """Signs of L(theta) over the bounds of theta, 0 where it comes near zero; (N, n_x, n_y)."""
+    """Signs of L(theta) over the bounds of theta, 0 where it has both; (N, n_x, n_y).
+
+    The computed L may be beyond zero by its rounding: the offsets hold that as well. ``room`` is for float64 here.
+    """
     lo, hi = (b.astype(float)[:, :, None, None] for b in (t.vary.theta_lo, t.vary.theta_hi))
     slopes, base = t.vary.L.astype(float), t.L_hi.astype(float)
     ends = np.minimum(lo * slopes, hi * slopes).sum(axis=1), np.maximum(lo * slopes, hi * slopes).sum(axis=1)
-    room = 1e-4 * (np.abs(base) + (np.maximum(np.abs(lo), np.abs(hi)) * np.abs(slopes)).sum(axis=1))
+    room = 1e-12 * (np.abs(base) + (np.maximum(np.abs(lo), np.abs(hi)) * np.abs(slopes)).sum(axis=1))
     return np.where(base + ends[0] > room, 1, np.where(base + ends[1] < -room, -1, 0))
 
 

@@ -5,12 +5,12 @@ For a width vector W the best gains of a row are found without looking at the ot
     W_i <- max over modes of min over (L_i, N_i) of max over corners of theta of
            |M_i(theta)| W + |T_i Bw| 2 wbar + |L_i(theta) Dv| 2 vbar + |N_i Dv| 2 vbar + 2 (unknowns over range of x)
 
-with M = T A - L C, and M >= 0 unless ``split``. The map is monotone and, where a design exists, contracts to one fixed
-point: no constant gains have a smaller steady width, in any state, for arbitrary switching (where the mode is told late
-and the bounds of two modes are joined, their difference counts as a mean over the other modes). It is piecewise linear, so
-each round solves the linear system of the gains and corners that are active (Newton), which a short sampling period
-with its slow contraction needs. A cap on |N| keeps a sensor fault
-visible: with C N = I the correction swallows it.
+with M = T A - L C, and M >= 0 unless ``split``. The map is monotone and, where a design exists, contracts to one
+fixed point: no constant gains have a smaller steady width, in any state, for arbitrary switching. (Where the mode is
+told late and the bounds of two modes are joined, their difference counts as a mean over the other modes.) It is
+piecewise linear, so each round solves the linear system of the gains and corners that are active (Newton), which a
+short sampling period with its slow contraction needs. A cap on |N| keeps a sensor fault visible: with C N = I the
+correction swallows it.
 
 Source: own, after section 2.5 of the dossier on Lamouchi (2016); the same idea serves Chevet (2021).
 """

@@ -24,6 +24,8 @@ STATED = {"rounded": r"(?m)^(\w+) r=$", "exact": r"(?m)^exact_(\w+) =$",
 
 #: What it takes for granted of the magnitude of a coefficient.
 TAKEN = r"(?m)^ +\|size_(\w+) - exact_size_\1\| <= (\S+) ->$"
+#: What Gappa says of a script that it can read and cannot prove.
+UNTRUE = ("not satisfied", "empty interval", "no contradiction was found")
 
 
 @dataclass(frozen=True)
@@ -85,10 +87,12 @@ def prove_rounding(folder: str | Path) -> RoundingResult:
     done = _run([str(script)])
     said = [" ".join(line.split()) for line in done.stderr.splitlines() if not line.startswith("Warning: renaming")]
     # One that cannot be read, as opposed to one that is not true.
-    if done.returncode and not any("not satisfied" in line or "empty interval" in line for line in said):
+    if done.returncode and not any(words in line for line in said for words in UNTRUE):
         raise ToolError(f"gappa: failed with status {done.returncode}: {' '.join(said)[:300]}")
     # Once a row fails, Gappa lists hypotheses without bounds as well.
     rows = [line for line in said if "exact_" in line]
+    if not rows and len(rounded) == 1:  # of a single one it says nothing but that
+        rows = [f"exact_{rounded[0]}: {line}" for line in said]
     alarms = tuple(rows or said) if done.returncode else ()
     return RoundingResult(not done.returncode, alarms, len(rounded), time.monotonic() - begin, version)
 

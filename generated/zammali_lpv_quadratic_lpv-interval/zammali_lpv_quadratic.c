@@ -243,7 +243,7 @@ static void zammali_lpv_quadratic_forward(const zammali_lpv_quadratic_state *s, 
         + (R_1_1 * m_1)
         + (S_1_0 * a_0)
         + (S_1_1 * a_1)
-        + (0.0050000004F * ((L_1_0 < 0.0F) ? -L_1_0 : L_1_0));
+        + (0.0050000004F * (-L_1_0));
     const zammali_lpv_quadratic_real lo_1 = common_1
         - 1.2824787e-05F
         + (M_1_0 * s->x_lo[0])

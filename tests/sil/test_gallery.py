@@ -65,7 +65,8 @@ def truth(plant, u, q, theta, rng):
         out[k] = m.C @ x + m.D @ u[k] + m.Dv @ np.where(rng.random(plant.n_v) < 0.5, m.v_lo, m.v_hi)
         A, B = m.A, m.B
         if len(theta[k]):
-            A, B = A + np.tensordot(theta[k], m.A_theta, 1), B + np.tensordot(theta[k], m.B_theta, 1)
+            p = np.concatenate([theta[k], [theta[k][i] * theta[k][j] for i, j in m.products]])
+            A, B = A + np.tensordot(p, m.A_theta, 1), B + np.tensordot(p, m.B_theta, 1)
         x = A @ x + B @ u[k] + m.Bw @ np.where(rng.random(len(m.w_lo)) < 0.5, m.w_lo, m.w_hi)
     return np.clip(out, lo, hi)
 
