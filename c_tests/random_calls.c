@@ -38,7 +38,13 @@ static void any_inputs(T(in) *in)
 #if CASE_NTHETA > 0
     for (uint32_t i = 0U; i < M(NTHETA); i++)
     {
-        in->theta[i] = between(theta_lo[in->mode][i], theta_hi[in->mode][i]);
+        const T(real) least = theta_lo[in->mode][i];
+        const T(real) most = theta_hi[in->mode][i];
+        /* Anywhere, or at any small distance from the last one, which the step may look back to. */
+        const T(real) step = (most - least) / (T(real))(1U << draw(10U));
+
+        in->theta[i] = (draw(2U) == 0U) ? between(least, most) : (in->theta[i] + between(-step, step));
+        in->theta[i] = (in->theta[i] < least) ? least : ((in->theta[i] > most) ? most : in->theta[i]);
     }
 #endif
     for (uint32_t i = 0U; i < M(NY); i++)
