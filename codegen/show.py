@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from .errors import DesignError
@@ -31,12 +32,11 @@ def number(x: float | None) -> str:
 
 def plant(p: Plant) -> None:
     """Print a plant as understood, its properties, and which methods apply."""
-    from .plant.properties import properties
     from .synthesis import METHODS
 
     out.print(f"{p.name}: {p.title}" + (f"\n{p.source}" if p.source else ""))
     out.print(f"{p.kind}, sample period {p.sample_period:g} s; {p.n_x} states, {p.n_u} inputs, {p.n_y} outputs, "
-              f"{p.n_w} disturbances, {p.n_v} noises, {p.n_f} faults, {p.n_modes} modes")
+              f"{p.n_w} disturbances, {p.n_v} noises, {p.n_f} faults, {_count(p)}")
     signals = table("\nsignals", "vector", "name", "unit", "from", "to")
     for vector in ("x", "u", "y", "w", "v", "f", "theta"):
         for s in getattr(p, vector):
@@ -44,6 +44,20 @@ def plant(p: Plant) -> None:
     out.print(signals)
     if p.theta:
         out.print(_parameters(p))
+    if p.polytope is None:
+        _modes(p)
+    else:
+        _polytope(p)
+    rows = table("\nmethods", "method", "applies")
+    for name, entry in METHODS.items():
+        rows.add_row(name, escape(_applies(p, name, entry)))  # "[[mode]]" is no markup
+    out.print(rows)
+
+
+def _modes(p: Plant) -> None:
+    """Print the modes and how the plant switches between them."""
+    from .plant.properties import properties
+
     if p.kind == "continuous":
         out.print("\nsampling: " + p.options.get("sampling", "exponential") + "; " + between(p))
     title = "\nmodes" + (", worst corner of theta" if p.theta else "")
@@ -58,17 +72,46 @@ def plant(p: Plant) -> None:
     out.print("\nswitching: " + (told if s.known else "unknown") + (
         f", average dwell time {s.average_dwell:g} s, chatter bound {s.chatter:g}" if s.average_dwell
         else ", arbitrary"))
-    rows = table("\nmethods", "method", "applies")
-    for name, entry in METHODS.items():
-        rows.add_row(name, _applies(p, name, entry))
+
+
+def _polytope(p: Plant) -> None:
+    """Print what the vertices of a polytopic plant are, one by one, and what is proved for all that lies between."""
+    from .plant.properties import hull_admissible, vertex_properties
+
+    if p.polytope.premises:
+        rows = table("\npremises (the weights of the vertices are products of theirs)", "name", "term", "from", "to")
+        for z in p.polytope.premises:
+            rows.add_row(z.name, str(z.term.evalf(6)), number(z.lo), number(z.hi))
+        out.print(rows)
+        out.print("\nmodel: exact while every term is within its bounds")
+    elif p.polytope.equations and len(p.polytope.vertices) > 1:
+        out.print("\nmodel: linearised at points; nothing bounds its error between them")
+    rows = table("\nvertices, each alone", "vertex", "finite eigenvalues", "regular", "impulse-free", "stable",
+                 "R-observable", "C-observable", "I-observable", "detectable")
+    for v in vertex_properties(p):
+        sizes = np.abs(v.finite) if p.kind == "discrete" else v.finite.real
+        span = f"{len(sizes)}, {'largest' if p.kind == 'discrete' else 'abscissa'} {number(sizes.max(initial=-np.inf))}"
+        rows.add_row(v.name, span, *({True: "yes", False: "no", None: "too close to tell"}[x] for x in (
+            v.regular, v.impulse_free, v.stable, v.r_observable, v.c_observable, v.i_observable, v.detectable)))
     out.print(rows)
+    out.print("\nbetween the vertices: " + {
+        True: "admissible for every weight, however it moves (one Lyapunov matrix for all vertices, checked exactly)",
+        False: "not shown to be admissible (no common Lyapunov matrix found); the table above says nothing of it",
+        None: "not tested in discrete time; the table above says nothing of it",
+    }[hull_admissible(p)])
+
+
+def _count(p: Plant) -> str:
+    """How many modes or vertices."""
+    return f"{p.n_modes} modes" if p.polytope is None else f"{len(p.polytope.vertices)} vertices"
 
 
 def _parameters(p: Plant) -> Table:
     """List what is known of each parameter: bounds per mode where they differ, rate, measurement."""
     rows = table("\nparameters", "theta", "bounds", "rate per s", "measured", "error")
     for j, s in enumerate(p.theta):
-        limits = [(lo[j], hi[j]) for lo, hi in map(p.theta_box, p.modes)]
+        boxes = [p.theta_box(mode) for mode in p.modes] or [p.limits("theta")]
+        limits = [(lo[j], hi[j]) for lo, hi in boxes]
         spans = [f"{number(lo)} to {number(hi)}" for lo, hi in limits]
         rows.add_row(s.name, spans[0] if len(set(limits)) == 1 else
                      "; ".join(f"{m.name}: {span}" for m, span in zip(p.modes, spans)),
@@ -198,7 +241,7 @@ def gallery(plants: list[Plant]) -> None:
     """Print the gallery."""
     rows = table("gallery", "plant", "what", "modes", "states", "source")
     for p in plants:
-        rows.add_row(p.name, p.title, str(p.n_modes), str(p.n_x), p.source)
+        rows.add_row(p.name, p.title, str(p.n_modes) if p.polytope is None else _count(p), str(p.n_x), p.source)
     out.print(rows)
 
 

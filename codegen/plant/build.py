@@ -13,12 +13,11 @@ from codegen.plant.matrices import modes_of
 from codegen.plant.messages import first_error
 from codegen.plant.model import Plant, Switching, Target
 from codegen.plant.names import check_plant_name, check_symbols, check_text, prefix_of
+from codegen.plant.polytopic import Polytope
 from codegen.plant.scenarios import scenarios_of
 from codegen.plant.schema import PlantFile, SwitchingTable, TargetTable
 from codegen.plant.signals import initial_box, signals_of
 from codegen.plant.values import shown
-
-_NOT_BUILT = {"vertex": "[[vertex]] plants", "nonlinear": "[nonlinear] plants"}
 
 
 def build(text: str, folder: str = "", scenarios: bool = True) -> Plant:
@@ -52,7 +51,8 @@ def build(text: str, folder: str = "", scenarios: bool = True) -> Plant:
     signals = signals_of(file.signals)
     check_symbols(file.constants, (s.name for s in signals["theta"]))
     x0_lo, x0_hi = initial_box(file.initial, signals["x"])
-    modes = modes_of(file, signals)
+    polytope = _polytope(file, signals)
+    modes = modes_of(file, signals) if polytope is None else ()
     names = [mode.name for mode in modes]
     return Plant(
         name=file.name,
@@ -72,7 +72,15 @@ def build(text: str, folder: str = "", scenarios: bool = True) -> Plant:
         constants=dict(file.constants),
         text=text,
         folder=folder,
+        polytope=polytope,
     )
+
+
+def _polytope(file: PlantFile, signals: dict) -> Polytope | None:
+    if file.nonlinear is None and not file.vertex:
+        return None
+    from codegen.plant.vertices import polytope_of  # sympy takes half a second that most plants need not pay
+    return polytope_of(file, signals)
 
 
 def _parsed(text: str) -> dict[str, Any]:
@@ -89,9 +97,6 @@ def _parsed(text: str) -> dict[str, Any]:
         raise PlantError('the key "format" is missing. Add format = 1 as the first line.')
     if type(raw["format"]) is not int or raw["format"] != 1:
         raise PlantError(f"format: is {shown(raw['format'])} (expected 1). Write format = 1.")
-    for key, what in _NOT_BUILT.items():
-        if key in raw:
-            raise PlantError(f"{key}: {what} are not built yet. Give the matrices as [[mode]] tables.")
     return raw
 
 

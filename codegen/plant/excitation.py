@@ -136,7 +136,7 @@ def scheduling(
         An expression has no value, leaves the bounds or is faster than the rate.
     """
     shape = (scenario.steps, len(plant.theta))
-    boxes = [plant.theta_box(mode) for mode in plant.modes]
+    boxes = [plant.theta_box(mode) for mode in plant.modes] or [plant.limits("theta")]
     lo, hi = (np.broadcast_to(np.array([b[i] for b in boxes])[0 if q is None else q], shape) for i in (0, 1))
     theta = disturbances(plant, scenario, "theta", lo, hi, rng, pieces)
     step = np.tile([s.rate * plant.sample_period for s in plant.theta], (scenario.steps, 1))

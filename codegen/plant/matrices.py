@@ -18,6 +18,7 @@ from codegen.plant.signals import count, frozen
 
 # Matrix -> the vectors that number its rows and its columns.
 SHAPES = {
+    "E": ("x", "x"),
     "A": ("x", "x"),
     "B": ("x", "u"),
     "C": ("y", "x"),
@@ -35,7 +36,7 @@ Rows = list[list[float | str]]
 
 
 @dataclass(frozen=True)
-class _Source:
+class Source:
     """One matrix as written: its rows and where they stand."""
 
     place: str
@@ -88,8 +89,8 @@ def _mode(table: ModeTable, file: PlantFile, signals: Signals) -> Mode:
         if source is None:
             matrices[name] = _missing(place, name, signals)
             continue
-        _check_shape(source, name, signals)
-        terms = _entries(source, name, file.constants, signals)
+        check_shape(source, name, signals)
+        terms = entries(source, name, file.constants, signals)
         matrices[name] = terms[0]
         if any(term.any() for term in terms[1:]):
             theta_terms[name] = terms[1:]
@@ -97,12 +98,12 @@ def _mode(table: ModeTable, file: PlantFile, signals: Signals) -> Mode:
     return Mode(name=table.name, **matrices, **bounds, theta_terms=theta_terms)
 
 
-def _source(place: str, table: ModeTable, common: MatricesTable, name: str) -> _Source | None:
+def _source(place: str, table: ModeTable, common: MatricesTable, name: str) -> Source | None:
     """The mode's own matrix, else the common one, with the place where the user has to look."""
     own, shared = getattr(table, name), getattr(common, name)
     if own is not None:
-        return _Source(place, own)
-    return None if shared is None else _Source(f"common.{name}", shared)
+        return Source(place, own)
+    return None if shared is None else Source(f"common.{name}", shared)
 
 
 def _missing(place: str, name: str, signals: Signals) -> Array:
@@ -115,7 +116,21 @@ def _missing(place: str, name: str, signals: Signals) -> Array:
     return frozen(np.zeros((len(rows), len(columns))))
 
 
-def _check_shape(source: _Source, name: str, signals: Signals) -> None:
+def check_shape(source: Source, name: str, signals: Signals) -> None:
+    """Refuse a matrix that has not as many rows and columns as there are signals.
+
+    Parameters
+    ----------
+    source : Source
+    name : str
+        A key of `SHAPES`.
+    signals : mapping
+        From `signals_of`.
+
+    Raises
+    ------
+    PlantError
+    """
     vectors = SHAPES[name]
     n_rows, n_columns = (len(signals[vector]) for vector in vectors)
     found = (len(source.rows), len(source.rows[0]) if source.rows else 0)
@@ -135,10 +150,31 @@ def _check_shape(source: _Source, name: str, signals: Signals) -> None:
     )
 
 
-def _entries(
-    source: _Source, name: str, constants: Mapping[str, float], signals: Signals
+def entries(
+    source: Source, name: str, constants: Mapping[str, float], signals: Signals
 ) -> tuple[Array, ...]:
-    """The constant part, then one array per theta."""
+    """Return the constant part of a matrix, then one array per theta.
+
+    Parameters
+    ----------
+    source : Source
+        Of the right shape.
+    name : str
+        A key of `SHAPES`.
+    constants : mapping
+        The file's ``[constants]``.
+    signals : mapping
+        From `signals_of`.
+
+    Returns
+    -------
+    parts : tuple of ndarray (1 + n_theta of the matrix's shape)
+
+    Raises
+    ------
+    PlantError
+        An entry cannot be read.
+    """
     thetas = [signal.name for signal in signals["theta"]]
     shape = tuple(len(signals[vector]) for vector in SHAPES[name])
     parts = np.zeros((1 + len(thetas), *shape))
@@ -188,6 +224,6 @@ def _refuse_descriptor(table: ModeTable, common: MatricesTable, n_x: int) -> Non
     source = _source(f"modes.{table.name}.E", table, common, "E")
     if source is not None and source.rows != np.eye(n_x).tolist():
         raise PlantError(
-            f"{source.place}: descriptor plants are not built yet (found E other than the identity). "
-            f"Leave E out."
+            f"{source.place}: a plant with modes is no descriptor plant (found E other than the identity). "
+            "Leave E out, or give [[vertex]] tables in place of [[mode]] with E in [common]."
         )

@@ -91,6 +91,8 @@ def _message(error: dict[str, Any]) -> str:
             return _unknown_key(key, error["loc"])
         case "value_error":
             return f"{context['error']}."
+        case "list_type" if key in ("mode", "vertex", "scenario"):
+            return f"is one table (expected a list of them). Write [[{key}]]."
         case "literal_error":
             return f"is {found} (expected {context['expected']}). Use one of these."
         case "too_short":
@@ -142,7 +144,8 @@ def _location(location: tuple, raw: Any) -> str:
             value = element
         else:
             parts.append(
-                {"mode": "modes", "scenario": "scenarios"}.get(step, step) if not parts else str(step)
+                {"mode": "modes", "scenario": "scenarios", "vertex": "vertices"}.get(step, step) if not parts
+                else str(step)
             )
             value = value.get(step) if isinstance(value, dict) else None
     return ".".join(parts)

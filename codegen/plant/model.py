@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:  # which is built on this file
+    from .polytopic import Polytope
 
 Array = np.ndarray
 
@@ -206,6 +209,8 @@ class Plant:
         Folder of the file, where its CSV records are looked for.
     constants : dict
         The file's ``[constants]``; the expressions of the scenarios use them.
+    polytope : Polytope or None
+        Of a polytopic (descriptor) plant: what it has in place of modes, of which there are none then.
     """
 
     name: str
@@ -231,6 +236,7 @@ class Plant:
     text: str = ""
     folder: str = ""
     constants: dict[str, float] = field(default_factory=dict)
+    polytope: Polytope | None = None
 
     @cached_property
     def observed(self) -> Plant:

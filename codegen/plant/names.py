@@ -115,8 +115,9 @@ def check_channels(place: str, names: Iterable[str]) -> None:
         seen[key] = name
 
 
-def check_symbols(constants: Mapping[str, float], thetas: Iterable[str]) -> None:
-    """Refuse constants and thetas that an expression could not name.
+def check_symbols(constants: Mapping[str, float], thetas: Iterable[str],
+                  others: Iterable[tuple[str, str]] = ()) -> None:
+    """Refuse constants, thetas and other signals that an expression could not name.
 
     Parameters
     ----------
@@ -124,6 +125,8 @@ def check_symbols(constants: Mapping[str, float], thetas: Iterable[str]) -> None
         Name -> value.
     thetas : iterable of str
         Names of the scheduling parameters.
+    others : iterable of (str, str)
+        Place and name of whatever else an expression names.
 
     Raises
     ------
@@ -131,7 +134,7 @@ def check_symbols(constants: Mapping[str, float], thetas: Iterable[str]) -> None
         No identifier, a name with a meaning of its own (k, t, pi, sin ...), or the same name twice.
     """
     seen: set[str] = set()
-    for place, name in [*(("constants", c) for c in constants), *(("signals.theta", t) for t in thetas)]:
+    for place, name in [*(("constants", c) for c in constants), *(("signals.theta", t) for t in thetas), *others]:
         if not _IDENTIFIER.fullmatch(name) or name.startswith("_") or iskeyword(name):
             raise PlantError(
                 f"{place}: the name {shown(name)} cannot stand in an expression (expected a letter, then "
@@ -140,7 +143,8 @@ def check_symbols(constants: Mapping[str, float], thetas: Iterable[str]) -> None
         if name in SAMPLE_NAMES or name in FUNCTION_NAMES:
             raise PlantError(f'{place}: the name "{name}" has a meaning in expressions. Rename it.')
         if name in seen:
-            raise PlantError(f'{place}: the name "{name}" is a constant already. Rename one.')
+            what = "a constant" if name in constants else "a signal"
+            raise PlantError(f'{place}: the name "{name}" is {what} already. Rename one.')
         seen.add(name)
 
 

@@ -1,7 +1,14 @@
-"""What can be said of a plant before any design: stability, detectability, signs, boundedness.
+"""What can be said of a plant before any design: stability, detectability, signs, boundedness; of descriptor systems.
 
 Of a plant with parameters the worst corner of their box speaks for the mode. That is a hint: a plant may be stable at
 every corner and still diverge while the parameters move.
+
+So it is with the vertices of a polytopic plant. Nothing that holds at every vertex need hold between them: with E =
+diag(1, 0) the vertices A = diag(-1, -1) and diag(-1, 1) are impulse-free and the middle is not even regular; [-1 8; 0
+-1] and [-1 0; 8 -1] are stable and their middle has the eigenvalue 3; [-1 1; 0 -2] and [-1 -1; 0 -2] with C = [1 0]
+are observable and their middle is not. The thesis calls vertex tests sufficient from a practical point of view
+(Lopez-Estrada (2014), Remark 2.4.5); here they are printed as what they are, and `hull_admissible` tells what is
+proved for every weight. Weights that move are covered by it too.
 """
 
 from __future__ import annotations
@@ -10,6 +17,9 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+
+from codegen.algebra.admissibility import lyapunov_matrix
+from codegen.algebra.visibility import Visibility, by_rank, by_svd, by_weierstrass
 
 from .model import Mode, Plant
 
@@ -101,3 +111,90 @@ def _worst(found: list[ModeProperties]) -> ModeProperties:
     hidden = tuple(value for p in found for value in p.hidden)
     return ModeProperties(found[0].name, max(p.radius for p in found), all(p.stable for p in found),
                           all(p.observable for p in found), hidden, all(p.cooperative for p in found))
+
+
+@dataclass(frozen=True)
+class DescriptorProperties:
+    """Properties of E x' = A x, y = C x (x+ in discrete time); None where the three tests disagree.
+
+    That happens where a matrix is so close to losing its rank that rounding decides.
+
+    Parameters
+    ----------
+    name : str
+    finite : ndarray (n1,) complex
+        Finite eigenvalues; empty where the pencil is singular.
+    regular, impulse_free, stable, admissible : bool or None
+        Impulse-free: index 0 or 1; causal in discrete time. Admissible: all three.
+    r_observable, c_observable, i_observable, detectable : bool or None
+        Reachable states, all states, impulses; unstable finite eigenvalues.
+    """
+
+    name: str
+    finite: Array
+    regular: bool | None
+    impulse_free: bool | None
+    stable: bool | None
+    admissible: bool | None
+    r_observable: bool | None
+    c_observable: bool | None
+    i_observable: bool | None
+    detectable: bool | None
+
+
+def descriptor_properties(name: str, E: Array, A: Array, C: Array, kind: str) -> DescriptorProperties:
+    """Compute the properties of one constant descriptor system by three tests.
+
+    Parameters
+    ----------
+    name : str
+    E, A : ndarray (n, n), C : ndarray (n_y, n)
+    kind : {"discrete", "continuous"}
+
+    Returns
+    -------
+    DescriptorProperties
+    """
+    tests = [test(E, A, C) for test in (by_rank, by_weierstrass, by_svd)]
+
+    def agreed(of) -> bool | None:
+        answers = {of(v) for v in tests}
+        return answers.pop() if len(answers) == 1 else None
+
+    plain = ("regular", "impulse_free", "r_observable", "c_observable", "i_observable")
+    timed = ("stable", "admissible", "detectable")
+    finite = next((v.finite for v in tests if v.regular), np.zeros(0, dtype=complex))
+    return DescriptorProperties(name, finite, **{key: agreed(lambda v, key=key: getattr(v, key)) for key in plain},
+                                **{key: agreed(lambda v, key=key: getattr(Visibility, key)(v, kind)) for key in timed})
+
+
+def vertex_properties(plant: Plant) -> list[DescriptorProperties]:
+    """Properties of every vertex of a polytopic plant.
+
+    Parameters
+    ----------
+    plant : Plant
+
+    Returns
+    -------
+    list of DescriptorProperties
+    """
+    p = plant.polytope
+    return [descriptor_properties(v.name, p.E, v.A, p.C, plant.kind) for v in p.vertices]
+
+
+def hull_admissible(plant: Plant) -> bool | None:
+    """Whether one Lyapunov matrix proves a polytopic plant admissible for every weight, however it moves.
+
+    Parameters
+    ----------
+    plant : Plant
+
+    Returns
+    -------
+    bool or None
+        False: none was found, which proves nothing. None: the condition is for continuous time.
+    """
+    if plant.kind != "continuous":
+        return None
+    return lyapunov_matrix(plant.polytope.E, [v.A for v in plant.polytope.vertices]) is not None

@@ -20,6 +20,7 @@ Matrix = Annotated[list[list[float | str]], BeforeValidator(values.matrix)]
 Numbers = list[FiniteFloat]
 Signals = Annotated[Any, BeforeValidator(values.excitation)]
 Schedule = Annotated[Any, BeforeValidator(values.schedule)]
+Shared = Annotated[Any, BeforeValidator(values.shared)]
 
 
 class Table(BaseModel):
@@ -105,6 +106,52 @@ class ModeTable(MatricesTable):
     bounds: dict[str, Interval] = {}
 
 
+class VertexTable(Table):
+    """``[[vertex]]`` of a polytopic plant; E and the outputs are the same at all vertices, so they are in [common]."""
+
+    name: str = ""
+    A: Matrix | None = None
+    B: Matrix | None = None
+    Bw: Matrix | None = None
+    Bf: Matrix | None = None
+    offset: Numbers | None = None
+    weight: str = "1"
+    E: Shared = None
+    C: Shared = None
+    D: Shared = None
+    Dv: Shared = None
+    Df: Shared = None
+
+
+class PremiseTable(Table):
+    """An entry of ``premise``: a term of the equations that the vertices take at its bounds."""
+
+    name: str
+    term: str
+    bounds: Interval | None = None
+
+
+class PointTable(Table):
+    """An entry of ``point``: where the equations are linearised, and the weight of what comes out."""
+
+    name: str = ""
+    x: Numbers
+    u: Numbers = []
+    theta: Numbers = []
+    weight: str
+
+
+class NonlinearTable(Table):
+    """``[nonlinear]``: E x' = f, by sectors (A and B as factors, premises) or linearised at points."""
+
+    E: Matrix | None = None
+    f: Annotated[list[str], Field(min_length=1)]
+    A: Matrix | None = None
+    B: Matrix | None = None
+    premise: list[PremiseTable] = []
+    point: list[PointTable] = []
+
+
 class SwitchingTable(Table):
     """``[switching]``: dwell times in seconds."""
 
@@ -178,6 +225,8 @@ class PlantFile(Table):
     initial: InitialTable
     common: MatricesTable = MatricesTable()
     mode: list[ModeTable] = []
+    vertex: list[VertexTable] = []
+    nonlinear: NonlinearTable | None = None
     switching: SwitchingTable = SwitchingTable()
     observer: ObserverTable = ObserverTable()
     target: TargetTable = TargetTable()

@@ -1,14 +1,18 @@
 """The true plant, simulated in float64: what the observers are tested against.
 
 x+ = A x + B u + Bw w + Bf f,  y = C x + D u + Dv v + Df f,  with the matrices of mode q[k] at theta[k]; of a continuous
-plant x' in place of x+, integrated between the samples (``continuous``), where w and theta move too.
+plant x' in place of x+, integrated between the samples (``continuous``), where w and theta move too. Polytopic plants
+are in ``descriptor``.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from codegen.errors import PlantError
+from codegen.plant import descriptor
 from codegen.plant.continuous import PIECES, advance, fine
 from codegen.plant.excitation import disturbances, faults, given_theta, initial_state, inputs, jumps, scheduling
 from codegen.plant.messages import unknown
@@ -48,6 +52,9 @@ def simulate(
         if record is not None and record.has(plant.y):
             return _recorded(plant, chosen, record, theta)
         rng = np.random.default_rng(seed)
+        if plant.polytope is not None:
+            trace = descriptor.simulated(plant, chosen, record, theta, rng)
+            return replace(trace, theta=reading(plant, chosen, trace.theta, rng))
         if plant.kind != "discrete":
             return _integrated(plant, chosen, record, theta, rng)
         return _simulated(plant, chosen, record, theta, rng)

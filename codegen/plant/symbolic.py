@@ -12,6 +12,8 @@ import sympy
 
 from codegen.plant.expression import Domain, ExpressionError, check_power, evaluate, parse
 
+_NOT_REAL = "the expression has no real value (a root or logarithm). Correct it"
+
 
 def symbolic(text: str, symbols: Mapping[str, Any]) -> Any:
     """Return the expression as a sympy object.
@@ -30,12 +32,21 @@ def symbolic(text: str, symbols: Mapping[str, Any]) -> Any:
     Raises
     ------
     ExpressionError
-        As for `evaluate`; or a number is too large, an exponent is no plain number, a division is by zero.
+        As for `evaluate`; or a number is too large, an exponent is no plain number, a division is by zero, the value is
+        not real.
     """
     domain = Domain(lambda value: sympy.Rational(repr(value)), _power, _FUNCTIONS)
-    value = evaluate(parse(text), {"pi": sympy.pi, **symbols}, domain)
-    if value.has(sympy.zoo, sympy.nan, sympy.oo):
+    try:
+        value = evaluate(parse(text), {"pi": sympy.pi, **symbols}, domain)
+    except ExpressionError:
+        raise
+    except (ValueError, TypeError):  # sympy's Min and Max, of what cannot be compared
+        raise ExpressionError(_NOT_REAL) from None
+    if value.has(sympy.zoo, sympy.nan, sympy.oo, -sympy.oo):
         raise ExpressionError("the expression divides by zero. Correct it")
+    value = value.replace(sympy.cot, lambda a: sympy.cos(a) / sympy.sin(a))  # what sympy makes of tan(a + pi/2)
+    if value.has(sympy.I) or any(f.func not in _KNOWN for f in value.atoms(sympy.Function)):
+        raise ExpressionError(_NOT_REAL)  # functions of other names come from imaginary arguments
     return value
 
 
@@ -68,3 +79,5 @@ _FUNCTIONS = {
     "max": sympy.Max,
     "where": lambda condition, a, b: sympy.Piecewise((a, condition), (b, True)),
 }
+_KNOWN = {sympy.sin, sympy.cos, sympy.tan, sympy.exp, sympy.log, sympy.Abs, sympy.sign, sympy.floor, sympy.Min,
+          sympy.Max, sympy.Piecewise}

@@ -139,6 +139,22 @@ def schedule(value: Any) -> list[tuple[int, str]] | Cycle:
     return [tuple(entry) for entry in value]
 
 
+def shared(value: Any) -> Any:
+    """Refuse a matrix of a vertex that is the same for all of them.
+
+    Parameters
+    ----------
+    value : object
+        As tomllib gives it.
+
+    Raises
+    ------
+    ValueError
+        Always: the key is known, its place is another.
+    """
+    raise ValueError("is the same at all vertices of a polytopic plant (found one of a vertex). Move it to [common]")
+
+
 def _is_number(value: Any) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False

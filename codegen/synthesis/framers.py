@@ -12,6 +12,8 @@ from .problem import Candidate, Judge, Problem
 from .structure import obstruction, slow_reason
 
 Array = np.ndarray
+POLYTOPIC = ("the plant is polytopic (vertices and weights), expected modes. Where its E is the identity, give it as "
+             "[[mode]] tables with what varies as theta.")
 
 #: Options of ``[observer]`` that the interval family reads, with what they may be.
 OPTIONS = {
@@ -50,6 +52,8 @@ def check_options(where: str, options: dict) -> None:
 
 def inapplicable(plant, tnl: bool) -> str | None:
     """Why a plant cannot have an interval observer of this form, with what to change; None if it can."""
+    if plant.polytope is not None:
+        return POLYTOPIC
     if plant.switching.late:
         return 'the mode is told late, expected at its own sample. Use method "tnl-interval-lpv" or "lpv-interval".'
     if plant.kind != "discrete":
@@ -62,6 +66,8 @@ def inapplicable(plant, tnl: bool) -> str | None:
 
 def inapplicable_varying(plant, tnl: bool, split: bool = False) -> str | None:
     """As ``inapplicable`` for the methods that take parameters and continuous plants."""
+    if plant.polytope is not None:
+        return POLYTOPIC
     if plant.switching.late:
         first = plant.modes[0]
         for mode in plant.modes:

@@ -7,11 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from codegen.designs import read_design
 from codegen.emit.package import files
-from codegen.plant.load import loads, starter
+from codegen.plant.load import load, loads, starter
+from codegen.plant.properties import descriptor_properties
 from codegen.synthesis import METHODS
 
 ROOT = Path(__file__).parents[2]
@@ -53,7 +55,7 @@ def test_python_example_runs(home):
 
 def test_plant_file_with_parameters_is_one():
     """The snippet, with the rest of the starter file around it, is a plant; its parameters are as they say."""
-    (snippet,) = [text for kind, text in BLOCKS if kind == "toml"]
+    (snippet,) = [text for kind, text in BLOCKS if kind == "toml" and "theta" in text]
     time, signals = snippet.split("[signals]\n")
     text = re.sub(r"^# .*\n", "", starter("tank"), flags=re.M)
     text = re.sub(r"\[time\]\n.*?\n\n", time + "\n", text, flags=re.S).replace("[initial]", signals + "\n[initial]")
@@ -61,6 +63,20 @@ def test_plant_file_with_parameters_is_one():
     load, wear = plant.theta
     assert plant.kind == "continuous" and (load.rate, load.error, wear.measured) == (2, 0.02, False)
     assert METHODS["lpv-interval"].module.inapplicable(plant) is None
+
+
+def test_nonlinear_equations_are_those_of_the_disc():
+    """The snippet in place of the gallery's equations: the same vertices, and the counterexample of the text."""
+    (snippet,) = [text for kind, text in BLOCKS if kind == "toml" and "[nonlinear]" in text]
+    text = load("disc").text
+    edited = re.sub(r"\[nonlinear\].*?\n\n", snippet + "\n", text, flags=re.S)
+    ours, theirs = (loads(t).polytope for t in (edited, text))
+    assert ours.premises[0].term == theirs.premises[0].term and len(ours.vertices) == 2
+    for a, b in zip(ours.vertices, theirs.vertices):
+        assert np.allclose(a.A, b.A, atol=1e-12) and np.allclose(a.B, b.B)
+    E, ends = np.diag([1.0, 0]), [np.diag([-1.0, -1]), np.diag([-1.0, 1])]
+    good, bad, middle = (descriptor_properties("", E, A, np.eye(2), "continuous") for A in (*ends, sum(ends) / 2))
+    assert good.stable and bad.stable and middle.regular is False
 
 
 def test_every_method_is_in_the_table():

@@ -90,8 +90,9 @@ EDITS = [
     ('name   = "cart"', 'name   = "my cart"', ['name: is "my cart"', "expected a letter", "Rename it"]),
     ('title  = "Cart with a brake"', 'title = "*/ int x;"', ["title:", "*/ int x;", "C comment", "Rewrite"]),
     ("[time]", "[tme]", ['unknown key "tme"', 'Did you mean "time"?']),
-    ("[switching]", "[vertex]\n[switching]", ["vertex: [[vertex]] plants are not built yet", "[[mode]]"]),
-    ("[switching]", "[nonlinear]\n[switching]", ["nonlinear: [nonlinear] plants are not built yet"]),
+    ("[switching]", "[vertex]\n[switching]", ["vertices: is one table", "expected a list", "Write [[vertex]]"]),
+    ("[switching]", "[[vertex]]\n[switching]", ["vertices: [[mode]] tables are given too", "found 2", "Give one"]),
+    ("[switching]", "[nonlinear]\n[switching]", ['nonlinear: the key "f" is missing', "Add it"]),
     ("known = true", "known = tru", ["line 45, column 9", "no TOML", "Invalid value", "Correct the line"]),
     ("[initial]", "[initial", ["line 20", "no TOML", "Correct the line"]),
     ("known = true", "known = true\nknown = true", ["line 46", "Cannot overwrite a value"]),
@@ -200,7 +201,7 @@ EDITS = [
     (
         BRAKED_A,
         BRAKED_A + "\nE = [[1, 0], [0, 0]]",
-        ["modes.braked.E", "descriptor plants are not built", "Leave"],
+        ["modes.braked.E", "no descriptor plant", "found E other than the identity", "Leave E out, or give [[vertex]]"],
     ),
     (BRAKED_A, BRAKED_A + "\nBv = [[1]]", ["modes.braked", 'unknown key "Bv"', "known: E, A, B"]),
     (
@@ -331,7 +332,7 @@ def test_a_missing_matrix_of_the_disturbance_is_named():
 @pytest.mark.parametrize(
     "content, fragments",
     [
-        (None, ["no such file", "gallery: buck, cart", "Correct the path"]),
+        (None, ["no such file", "gallery: ", "buck, cart", "Correct the path"]),
         (b"", ["is empty", "residua init"]),
         (b" \n\n", ["is empty"]),
         (b"\xff\xfe\x00n", ["no UTF-8 text", "byte 0", "Save it as UTF-8"]),

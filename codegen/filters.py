@@ -1,0 +1,133 @@
+"""From a problem to a certified H-infinity filter: design, lower order, round, find its level, check it exactly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from .certify.exact import Q, up
+from .certify.switched_gain import check_gain
+from .errors import CertificateError, DesignError
+from .synthesis import hinf_filter, hinf_projection
+from .synthesis.hinf_analysis import balanced, level_of, rounded, stability_margin
+from .synthesis.hinf_filter import REMEDY
+from .synthesis.hinf_problem import FilterProblem
+from .synthesis.hinf_reduction import reduce_order
+from .synthesis.hinf_weights import post_scaling, scaled
+
+#: Room given to the exact check, in scaled coordinates; the smallest that passes is kept.
+MARGINS = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5)
+
+
+@dataclass(frozen=True)
+class CertifiedFilter:
+    """A filter as the C will hold it.
+
+    Parameters
+    ----------
+    gains : tuple of (A, B, C, D), one per mode
+    gamma : float
+        Proved energy gain from the normalised inputs to the error of the estimate.
+    designed : float
+        What the solver claimed.
+    xi : tuple of ndarray (n_f, n_f)
+        Post scaling, already in C and D; empty without.
+    proof : dict
+        For ``certify.switched_gain.check_gain``.
+    """
+
+    gains: tuple
+    gamma: float
+    designed: float
+    xi: tuple
+    proof: dict
+
+
+def certify_filter(problem: FilterProblem, gains, start: dict) -> tuple[float, dict]:
+    """Level of given gains, and its proof, checked in exact arithmetic.
+
+    Parameters
+    ----------
+    problem : FilterProblem
+    gains : sequence of (A, B, C, D), one per mode
+        Rounded.
+    start : dict
+        "P" of the design.
+
+    Returns
+    -------
+    gamma : float
+    proof : dict
+
+    Raises
+    ------
+    CertificateError
+        No level is proved.
+    """
+    reason = "the solver finds no level for the rounded gains. Try float64, or scale states and signals to about 1."
+    for margin in MARGINS:
+        found = level_of(problem, gains, start, margin)
+        if found is None:
+            continue
+        proof = found.proof | {"level2": float(found.gamma**2 * (1 + 1e-9))}
+        proof["P"] = [np.asarray(p).tolist() for p in proof["P"]]
+        try:
+            level2 = check_gain(problem.modes, problem.names, problem.switching, gains, proof)
+        except CertificateError as error:
+            reason = str(error).removeprefix("certificate: ")
+            continue
+        gamma = sqrt(float(level2))
+        while Q(gamma) * Q(gamma) < level2:
+            gamma = np.nextafter(gamma, np.inf)
+        return up(Q(gamma)), proof
+    raise CertificateError(f"certificate: {reason}")
+
+
+def design_filter(problem: FilterProblem, real: str = "float32", synthesis: str = "slack", loss: float = 0.0,
+                  post: bool = False) -> CertifiedFilter:
+    """Design and certify.
+
+    Parameters
+    ----------
+    problem : FilterProblem
+        With its weights.
+    real : {"float32", "float64"}
+    synthesis : {"slack", "projection"}
+    loss : float
+        Share by which gamma may rise for a lower order; 0: the order of plant and weights.
+    post : bool
+        Scale the estimate so that a constant fault is met exactly; the level is that of the scaled filter.
+
+    Returns
+    -------
+    CertifiedFilter
+
+    Raises
+    ------
+    DesignError
+        No filter exists, or an option is wrong.
+    CertificateError
+        The exact check refuses every level.
+    """
+    if synthesis not in ("slack", "projection"):
+        raise DesignError(f'hinf-filter: synthesis is {synthesis!r}, expected "slack" or "projection".')
+    design = hinf_filter.design(problem)
+    if synthesis == "projection":
+        design = hinf_projection.design(problem, design).design
+    claimed = design.gamma
+    if loss > 0:
+        design = reduce_order(problem, design, loss)
+    design = balanced(design, problem.sizes[0])
+    xi = tuple(post_scaling(problem, design.gains)) if post else ()
+    gains = rounded(scaled(design.gains, xi) if post else design.gains, real)
+    try:
+        gamma, proof = certify_filter(problem, gains, design.proof)
+    except CertificateError:
+        margin = stability_margin(problem)
+        if margin <= 1e-7:  # the solver took its own tolerance for a solution
+            raise DesignError("hinf-filter: the plant itself is not stable under this switching and uncertainty "
+                              f"(margin {margin:.1e} of 1), so no filter has a level. {REMEDY}") from None
+        raise
+    return CertifiedFilter(tuple(gains), gamma, claimed, xi, proof)

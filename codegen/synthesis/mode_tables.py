@@ -1,0 +1,334 @@
+"""Tables of the mode estimator ``mode-set``: sampled matrices, and what a switch within a period can add.
+
+With the switch from mode i to j at an unknown instant s of the period T,
+
+    ``xi+ = Phi_j xi + Gamma_j u + (disturbance) + int_0^s f(t) dt``,
+    ``f(t) = S e^{A_j (T - t)} ((A_i - A_j) x(t) + (B_i - B_j) u)``, x(t) in mode i,
+
+so what is added lies between 0 and T f over all t in the period. All of it in ball arithmetic (Arb), rounded outward.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from flint import arb, arb_mat, ctx
+from scipy.optimize import linprog
+
+from ..errors import DesignError
+
+Array = np.ndarray
+#: Pieces of the period on which integrands are bounded.
+PIECES = 16
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Float values with elementwise bounds of their error: what ``tables_of`` rounds to the type of the C."""
+
+    value: Array
+    error: Array
+
+
+def exact(M: Array) -> arb_mat:
+    """Ball matrix of a float array."""
+    return arb_mat(np.asarray(M, dtype=float).tolist())
+
+
+def magnitude(M: arb_mat) -> arb_mat:
+    """Elementwise magnitude."""
+    return arb_mat([[abs(x) for x in row] for row in M.tolist()])
+
+
+def top(M: arb_mat) -> Array:
+    """Upper ends, as floats rounded up."""
+    out = np.array([[float(x.upper()) for x in row] for row in M.tolist()], dtype=float).reshape(M.nrows(), M.ncols())
+    return np.where(out > 0, np.nextafter(out, np.inf), np.maximum(out, 0.0))
+
+
+def parts(M: arb_mat) -> Parts:
+    """Float near the middle, and the distance from all of the ball."""
+    value = np.array([[float(x.mid()) for x in row] for row in M.tolist()]).reshape(M.nrows(), M.ncols())
+    return Parts(value, top(magnitude(M - exact(value))))
+
+
+def coordinates(C: Array, A) -> Array:
+    """S with C as its first rows, the rest such that it contracts by itself in every mode, where that can be.
+
+    Parameters
+    ----------
+    C : ndarray (n_y, n_x)
+    A : sequence of ndarray (n_x, n_x)
+        Continuous time, one per mode.
+
+    Returns
+    -------
+    ndarray (n_x, n_x)
+
+    Raises
+    ------
+    DesignError
+        C has dependent rows.
+    """
+    p, n = C.shape
+    if np.linalg.matrix_rank(C) < p:
+        raise DesignError(f"mode-set: C has dependent rows (rank {np.linalg.matrix_rank(C)}, expected {p}). Leave the "
+                          "redundant outputs out.")
+    if p == n:
+        return C.copy()
+    # Unit rows where that is regular: they keep the states readable.
+    rows: list[Array] = []
+    for e in np.eye(n)[::-1]:
+        if len(rows) < n - p and np.linalg.matrix_rank(np.vstack([C, e, *rows])) == p + 1 + len(rows):
+            rows.insert(0, e)
+    N0 = np.array(rows)
+    R = np.linalg.inv(np.vstack([C, N0]))[:, p:]
+    K = slow_gain([N0 @ M @ R for M in A], [C @ M @ R for M in A])
+    return np.vstack([C, N0 - K @ C])
+
+
+def slow_gain(own: list[Array], seen: list[Array]) -> Array:
+    """K with the smallest row measure of own - K seen over all modes; zero where zero contracts already."""
+    m, p = own[0].shape[0], seen[0].shape[0]
+
+    def measure(K: Array) -> float:
+        parts = [a - K @ c for a, c in zip(own, seen)]
+        return max(float(np.max(np.diag(M) + np.abs(M).sum(axis=1) - np.abs(np.diag(M)))) for M in parts)
+
+    zero = np.zeros((m, p))
+    if measure(zero) < 0:
+        return zero
+    out = zero.copy()
+    for row in range(m):  # min t: (a - k c)_rr + sum |off-diagonal| <= t in every mode, variables [k, s, t]
+        A, b = [], []
+        for a, c in zip(own, seen):
+            total = np.zeros(p + m + 1)
+            total[:p], total[-1] = -c[:, row], -1.0
+            total[p:p + m] = [float(j != row) for j in range(m)]
+            A.append(total)
+            b.append(-a[row, row])
+            for j in range(m):
+                for sign in (1.0, -1.0):
+                    line = np.zeros(p + m + 1)
+                    line[:p], line[p + j] = -sign * c[:, j], -1.0
+                    A.append(line)
+                    b.append(-sign * a[row, j])
+        cost = np.zeros(p + m + 1)
+        cost[-1] = 1.0
+        # Sizes of the slacks are per mode; one set for all modes is enough for a bound.
+        found = linprog(cost, A_ub=np.array(A), b_ub=np.array(b),
+                        bounds=[(-1e3, 1e3)] * p + [(0, None)] * m + [(None, None)])
+        if found.success:
+            out[row] = found.x[:p]
+    return out if measure(out) < measure(zero) else zero
+
+
+class Period:
+    """Ball matrices of one period in all modes.
+
+    Parameters
+    ----------
+    A, B, shift : sequences over modes of ndarray (n_x, n_x), (n_x, n_u), (n_x, 1)
+        x' = A x + B u + shift + w.
+    w : sequence of ndarray (n_x, 1)
+        |w| per mode.
+    S : ndarray (n_x, n_x)
+    T : float
+        Seconds.
+    """
+
+    def __init__(self, A, B, shift, w, S: Array, T: float):
+        self.A, self.T, self.S = [exact(a) for a in A], arb(float(T)), exact(S)
+        self.inverse = self.S.inv()
+        self.w = [exact(x) for x in w]
+        n, self.n_u = S.shape[0], B[0].shape[1]
+        self.wide = n + self.n_u + 1
+        self.whole = []
+        for a, b, c in zip(A, B, shift):
+            M = np.zeros((self.wide, self.wide))
+            M[:n] = np.hstack([a, b, c])
+            self.whole.append(exact(M))
+        self.n = n
+        back = [[arb(0)] * self.wide for _ in range(self.wide)]
+        for i in range(self.wide):
+            for j in range(self.wide):
+                inside = i < n and j < n
+                back[i][j] = self.inverse[i, j] if inside else arb(int(i == j))
+        self.back = arb_mat(back)
+
+    def rows(self, M: arb_mat) -> arb_mat:
+        """The first n_x rows."""
+        return arb_mat(M.tolist()[:self.n])
+
+    def transition(self, q: int) -> arb_mat:
+        """[Phi, Gamma, shift] of one mode."""
+        return self.S * self.rows((self.whole[q] * self.T).exp()) * self.back
+
+    def reached(self, q: int, w: arb_mat, S: arb_mat | None = None) -> arb_mat:
+        """Bound of |int_0^T S e^{A s} w(s) ds|: on each piece the integrand at its middle and its slope."""
+        S = self.S if S is None else S
+        slope = magnitude(S) * magnitude(self.A[q]) * (magnitude(self.A[q]) * self.T).exp()
+        total = 0 * slope
+        for k in range(PIECES):
+            middle = S * (self.A[q] * (self.T * (2 * k + 1) / (2 * PIECES))).exp()
+            total = total + magnitude(middle) + slope * (self.T / (2 * PIECES))
+        return total * w * (self.T / PIECES)
+
+    def largest(self, i: int, j: int) -> arb_mat:
+        """Elementwise larger disturbance of two modes."""
+        return arb_mat([[a[0] if a[0].upper() > b[0].upper() else b[0]]
+                        for a, b in zip(self.w[i].tolist(), self.w[j].tolist())])
+
+    def jump(self, i: int, j: int) -> tuple[Parts, Array]:
+        """T f over the period as middle and radius in [xi; u; 1], and what disturbances before the switch add to it."""
+        change = self.rows(self.whole[i] - self.whole[j])
+        slope = (magnitude(self.S) * (magnitude(self.A[j]) * self.T).exp()
+                 * magnitude(change * self.whole[i] - self.A[j] * change)
+                 * (magnitude(self.whole[i]) * self.T).exp() * magnitude(self.back))
+        low = high = None
+        for k in range(PIECES):
+            t = self.T * (2 * k + 1) / (2 * PIECES)
+            F = self.S * (self.A[j] * (self.T - t)).exp() * change * (self.whole[i] * t).exp() * self.back
+            near = parts(F)
+            spread = near.error + top(slope * (self.T / (2 * PIECES)))
+            low = near.value - spread if low is None else np.minimum(low, near.value - spread)
+            high = near.value + spread if high is None else np.maximum(high, near.value + spread)
+        T = float(self.T.mid())
+        middle, radius = (high + low) / 2, (high - low) / 2 * (1 + 1e-12)
+        inside = arb_mat([row[:self.n] for row in change.tolist()])
+        before = self.reached(i, self.w[i], exact(np.eye(self.n)))
+        later = magnitude(self.S) * (magnitude(self.A[j]) * self.T).exp() * magnitude(inside) * before
+        return Parts(T * middle, T * radius * (1 + 1e-12)), top(later * self.T)[:, 0]
+
+
+def tables_of(tables_class, plant, ages: int, real: str = "float64", S: Array | None = None):
+    """Build the tables of a plant.
+
+    Parameters
+    ----------
+    tables_class : type
+        ``ModeTables``.
+    plant : Plant
+        Continuous, without parameters, C, D and the bounds of v common to all modes.
+    ages : int
+        Oldest age M.
+    real : {"float32", "float64"}
+    S : ndarray (n_x, n_x) or None
+        Coordinates, C first; None: ``coordinates``.
+
+    Returns
+    -------
+    ModeTables
+
+    Raises
+    ------
+    DesignError
+        The plant is not of this kind.
+    """
+    check(plant)
+    first = plant.modes[0]
+    S = coordinates(first.C, [m.A for m in plant.modes]) if S is None else np.asarray(S, dtype=float)
+    before, ctx.prec = ctx.prec, 160
+    try:
+        half = [((m.w_hi - m.w_lo) / 2)[:, None] for m in plant.modes]
+        middle = [((m.w_hi + m.w_lo) / 2)[:, None] for m in plant.modes]
+        period = Period([m.A for m in plant.modes], [m.B for m in plant.modes],
+                        [m.Bw @ c for m, c in zip(plant.modes, middle)],
+                        [np.abs(m.Bw) @ (h * (1 + 1e-14)) for m, h in zip(plant.modes, half)], S, plant.sample_period)
+        return _rounded(tables_class, plant, period, ages, real, S)
+    finally:
+        ctx.prec = before
+
+
+def check(plant) -> None:
+    """Refuse a plant that the estimator does not take, saying why.
+
+    Raises
+    ------
+    DesignError
+    """
+    first = plant.modes[0]
+    if plant.kind != "continuous" or plant.theta:
+        raise DesignError(f"{plant.name}: mode-set needs a continuous plant without parameters (found "
+                          f"{plant.kind}, {len(plant.theta)} parameters): the switch falls inside a period. State the "
+                          "plant in continuous time; bound a parameter by w.")
+    for m in plant.modes[1:]:
+        for name in ("C", "D", "Dv", "v_lo", "v_hi"):
+            if not np.array_equal(getattr(m, name), getattr(first, name)):
+                raise DesignError(f'{plant.name}: mode-set needs {name} common to all modes (mode "{m.name}" has '
+                                  "its own). Widen the noise to cover both.")
+    for vector in "xu":
+        for s in getattr(plant, vector):
+            if not np.isfinite(s.lo) or not np.isfinite(s.hi):
+                raise DesignError(f'{plant.name}: mode-set needs a range of "{s.name}" in signals.{vector}. Add it.')
+    if any(np.isfinite(s.rate) and s.rate > 0 for s in plant.u):
+        raise DesignError(f"{plant.name}: mode-set needs inputs held between samples (found a rate).")
+
+
+def hull(S: Array, lo: Array, hi: Array) -> tuple[Array, Array]:
+    """Box of S x over a box of x, rounded outward."""
+    middle, radius = S @ ((lo + hi) / 2), np.abs(S) @ ((hi - lo) / 2)
+    room = 1e-12 * (np.abs(S) @ np.maximum(np.abs(lo), np.abs(hi)))
+    return middle - radius - room, middle + radius + room
+
+
+def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array):
+    """Round to the type; every rounding, of constants and of the step itself, goes into the reaches."""
+    n, n_u, N = plant.n_x, plant.n_u, plant.n_modes
+    eps = float(np.finfo(real).eps)
+    first = plant.modes[0]
+    lo, hi = hull(S, *plant.limits("x"))
+    x = 1.5 * np.maximum(np.abs(lo), np.abs(hi)) + 1.5 * (hi - lo)  # boxes may be wider than the ranges
+    u = np.max(np.abs(plant.limits("u")), axis=0) if n_u else np.zeros(0)
+    size = np.concatenate([x, u, [1.0]])
+    terms = 2 * (n + n_u) + 12
+    out = {"Phi": np.zeros((N, n, n)), "Gamma": np.zeros((N, n, n_u)), "shift": np.zeros((N, n)),
+           "reach": np.zeros((N, n)), "birth": np.zeros((N, N, n)), "J": np.zeros((N, N, n, n)),
+           "J_u": np.zeros((N, N, n, n_u)), "J_shift": np.zeros((N, N, n)), "J_radius": np.zeros((N, N, n, n)),
+           "J_u_radius": np.zeros((N, N, n, n_u)), "J_reach": np.zeros((N, N, n))}
+
+    def kept(found: Parts) -> tuple[Array, Array]:
+        value = found.value.astype(real).astype(float)
+        return value, found.error + np.abs(found.value - value) + terms * eps * np.abs(value)
+
+    for q in range(N):
+        value, error = kept(parts(period.transition(q)))
+        out["Phi"][q], out["Gamma"][q], out["shift"][q] = value[:, :n], value[:, n:n + n_u], value[:, -1]
+        lost = error @ size
+        out["reach"][q] = (top(period.reached(q, period.w[q]))[:, 0] + lost) * (1 + 8 * eps)
+        for i in range(N):
+            if i != q:
+                out["birth"][i, q] = (top(period.reached(q, period.largest(i, q)))[:, 0] + lost) * (1 + 8 * eps)
+    for i in range(N):
+        for j in range(N):
+            if i == j:
+                continue
+            found, later = period.jump(i, j)
+            value, error = kept(found)
+            out["J"][i, j], out["J_u"][i, j], out["J_shift"][i, j] = value[:, :n], value[:, n:n + n_u], value[:, -1]
+            room = 1 + terms * eps
+            out["J_radius"][i, j], out["J_u_radius"][i, j] = error[:, :n] * room, error[:, n:n + n_u] * room
+            out["J_reach"][i, j] = (later + error[:, -1]) * room
+    noise = hull(first.Dv, first.v_lo, first.v_hi)
+    y = np.abs(S[:plant.n_y]) @ np.max(np.abs(plant.limits("x")), axis=0) + np.max(np.abs(noise), axis=0)
+    slack = 4 * eps * (2 * y + np.abs(first.D) @ u)
+    outward = {"v_lo": noise[0] - slack, "v_hi": noise[1] + slack}
+    start = hull(S, plant.x0_lo, plant.x0_hi)
+    outward |= {"start_lo": start[0], "start_hi": start[1], "wide_lo": lo, "wide_hi": hi}
+    for name, value in outward.items():
+        outward[name] = directed(value, real, -1 if name.endswith("lo") else 1)
+    for name in ("reach", "birth", "J_reach", "J_radius", "J_u_radius"):
+        out[name] = directed(out[name], real, 1)
+    inverse = np.linalg.inv(S).astype(real).astype(float)
+    lost = top(magnitude(exact(inverse) * period.S - exact(np.eye(n)))) @ np.max(np.abs(plant.limits("x")), axis=0)
+    room = directed(lost + terms * eps * (np.abs(inverse) @ x), real, 1)
+    fixed = {"S": S.astype(real), "S_inverse": inverse.astype(real), "x_room": room, "D": first.D.astype(real)}
+    return tables_class(**fixed, ages=ages, real=real, **{k: v.astype(real) for k, v in (out | outward).items()})
+
+
+def directed(value: Array, real: str, sign: int) -> Array:
+    """Round to the type, away in the given direction; zeros stay."""
+    rounded = np.asarray(value).astype(real)
+    beyond = np.nextafter(rounded, np.array(sign * np.inf, dtype=real))
+    return np.where(rounded == 0, rounded, beyond)
