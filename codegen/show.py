@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from .errors import DesignError
+from .plant.detector import fault_parameters
 from .plant.model import Plant
 
 out = Console(highlight=False, soft_wrap=True)
@@ -44,6 +45,9 @@ def plant(p: Plant) -> None:
     out.print(signals)
     if p.theta:
         out.print(_parameters(p))
+    if faults := fault_parameters(p):
+        out.print(f"\ndetector: observers of this plant bear {', '.join(faults)}; where these stand for faults, one of "
+                  "codegen.plant.detector.detector(plant), with their bounds at zero, sees them")
     if p.kind == "continuous":
         out.print("\nsampling: " + p.options.get("sampling", "exponential") + "; " + between(p))
     title = "\nmodes" + (", worst corner of theta" if p.theta else "")

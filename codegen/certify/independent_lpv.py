@@ -4,6 +4,7 @@ Standard library only, nothing of residua imported. With the enclosed step z+ = 
 T = I - N C, every entry of T Phi(p) - [M, G](theta) - L(theta) [C, D] is bounded over the box of theta; what of it is
 beyond the radii R, S must fit, times the ranges, into the offsets, together with T W, noise and rounding. Errors and
 widths are followed at the corners of theta; where the mode may be told late, with the steps of every other mode too.
+Where coordinates are changed the recursion is that of z = Z x: T = Z, M Z stands for M, and M takes the box of z.
 """
 
 import sys
@@ -36,7 +37,11 @@ class Mode:
         n = len(t["box"])
         self.T = sub([[F(i == j) for j in range(n)] for i in range(n)], mul(self.N, p["C"]))
         demand(not any(map(any, mul(self.N, p["D"]))), "N D is not zero")
-        self.x = exact(t["box"])
+        self.x = self.state = exact(t["box"])
+        self.Z = exact(t["change"]["Z"]) if "change" in t else None
+        if self.Z:
+            demand(not any(map(any, self.N)), "N is not zero")
+            self.T, self.state = self.Z, exact(t["change"]["box"])
         self.u, self.y = ([max(abs(F(a)), abs(F(b))) for a, b in zip(t[k + "_lo"], t[k + "_hi"])] for k in "uy")
         self.u_slip, self.y_slip = ([u * b + tiny for b in m] for m in (self.u, self.y))
         self.u_true = [a + b for a, b in zip(self.u, self.u_slip)]
@@ -69,7 +74,8 @@ class Mode:
 
     def left(self, z):
         """|T Phi - L C - M|, |T Phi - L D - G| over the box of theta, for the step z."""
-        target = [add([m + g for m, g in zip(M, G)], mul(L, self.p["CD"])) for M, G, L in zip(self.M, self.G, self.L)]
+        of_x = [mul(M, self.Z) for M in self.M] if self.Z else self.M
+        target = [add([m + g for m, g in zip(M, G)], mul(L, self.p["CD"])) for M, G, L in zip(of_x, self.G, self.L)]
         return split(left_over(self.T, z, target, self.box, self.drift), len(self.x))
 
     def rows(self, s, later, left):
@@ -85,13 +91,13 @@ class Mode:
             radius = [*zip(self.R[i], self.x), *zip(self.S[i], self.u),
                       *((e, a + b) for e, a, b in zip(self.E[i], most["L"][i], slip["L"][i]))]
             error, spread = rounding(radius, self.real)
-            error += size(slip["M"][i], self.x) + size(slip["L"][i], self.E[i])
+            error += size(slip["M"][i], self.state) + size(slip["L"][i], self.E[i])
             slips = error + size(slip["G"][i], self.u) + size(slip["L"][i], self.y) + size(self.S[i], self.u_slip)
             slips += size(most["G"][i], self.u_slip) + size(most["L"][i] + self.N[i], self.y_slip * 2)
             need = W[i] + self.noise(i, s) + later[i] + slips
             need += beyond(left[0][i], self.R[i], self.x) + beyond(left[1][i], self.S[i], self.u_true)
             yield need, [*terms("G", self.u), *terms("L", self.y), *zip(self.N[i], self.y)], [
-                *terms("M", self.x), (F(1), spread)], slips, error
+                *terms("M", self.state), (F(1), spread)], slips, error
 
 
 def size_of(row, values):
@@ -134,6 +140,26 @@ def check_blind(m, t, q):
         for j in range(len(C)):
             need = sup(p["Dv"][j], p["v"], s) + size(p["C"][j], m.x, C[j]) + size(p["D"][j], m.u_true, D[j])
             covered(t, "c_" + side, q, j, need + size(D[j], m.u_slip) + m.y_slip[j], zip(D[j], m.u), zip(C[j], m.x))
+
+
+def check_change(t, cert):
+    """The change of coordinates: ranges of z, both maps, and the widths of x that follow from those of z."""
+    c = {k: exact(v) for k, v in t["change"].items()}
+    x = list(zip(*(exact(t[f"x_{s}"]) for s in ("lo", "hi"))))
+    both = {"real": t["real"]} | {f"{k}_{s}": [t["change"][f"{k}_{s}"]] for k in "eb" for s, _ in SIDES}
+    identity = [[F(i == j) for j in range(len(x))] for i in range(len(x))]
+    lost = sub(identity, mul(c["X"], c["Z"]))
+    for i, row in enumerate(c["Z"]):
+        demand(c["z_hi"][i] >= sup(row, x) and -c["z_lo"][i] >= sup(row, x, -1)
+               and c["box"][i] >= max(c["z_hi"][i], -c["z_lo"][i]), f"range of z[{i}]")
+        for s, _ in SIDES:
+            covered(both, f"e_{s}", 0, i, F(0), [], zip(row, exact(t["box"])))
+    for i, row in enumerate(c["X"]):
+        room = [covered(both, f"b_{s}", 0, i, size(lost[i], exact(t["box"])), [], list(zip(row, c["box"])))
+                for s, _ in SIDES]
+        if cert.get("steady_box"):
+            width = size(row, exact(cert["steady_box"]["width"])) + sum(b + error for b, error in room)
+            demand(F(cert["x_width"][i]) >= width, f"ultimate width of x[{i}]")
 
 
 def check_tables(modes, t, late):
@@ -193,6 +219,8 @@ def main(folder, design, record):
                 demand(F(lo) <= F(float(a)) and F(hi) >= F(float(b)) and max(-lo, hi) <= z, f"box {name} too small")
         modes = [Mode(p, t, q, transition(p, signals, h, both), both) for q, p in enumerate(given)]
         at, push, theta2 = check_tables(modes, t, late)
+        if "change" in t:
+            check_change(t, cert)
         grown = {f"{k}_{s}": [mag(A) if k == "M" else A for m in modes for A in m.corners(k)]
                  for k in "MGLN" for s, _ in SIDES} | ({"G_lo": None} if late else {})  # late: no width
         spread = {f"P_{s}": [cert[f"P_{s}"][q] for q in at] for s, _ in SIDES if f"P_{s}" in cert}
@@ -201,6 +229,7 @@ def main(folder, design, record):
               f"for every parameter in its box, {cert['kind']} claim")
     t = design["tables"][record["real"]]
     v = {k: x for k, x in t["vary"].items() if isinstance(x, list) and k != "columns"}
+    v |= {k: x for k, x in t.get("change", {}).items() if k != "box"}
     plain.check_source((folder / f"{record['prefix']}.c").read_text(), t | {
         "M_hi": [t["M_hi"], *v.values()], "half": [0.5] * t["vary"]["midpoint"]})
     print(f"the constants of {record['prefix']}.c are those of the {record['real']} tables")

@@ -100,6 +100,7 @@ class Scheduled:
         for name in "MGL":
             slopes = [] if vary is None else [rational(s) for s in getattr(vary, name)[q]]
             setattr(self, name, Affine(base[name], slopes, self.lo, self.hi))
+        self.Z = None if t.change is None else rational(t.change.Z)
         n_x, n_u = base["G"].shape
         self.R, self.S, self.E = (zeros(n_x, n_x), zeros(n_x, n_u), zeros(*base["L"].shape)) if vary is None else (
             rational(getattr(vary, k)[q]) for k in "RSE")
@@ -107,12 +108,16 @@ class Scheduled:
         # mean of two samples.
         self.theta_error = [3 * input_error(max(abs(a), abs(b)), self.real) for a, b in zip(self.lo, self.hi)]
 
+    def of_x(self, M: Array) -> Array:
+        """What multiplies x where M multiplies the state of the recursion: M Z with a change of coordinates."""
+        return M if self.Z is None else product(M, self.Z)
+
     def leftover(self, T: Array) -> tuple[Affine, Affine]:
         """T A(theta) - L(theta) C - M(theta) and T B(theta) - L(theta) D - G(theta), exact."""
         p = self.p
-        EM = product(T, p["A"]) - product(self.L.base, p["C"]) - self.M.base
+        EM = product(T, p["A"]) - product(self.L.base, p["C"]) - self.of_x(self.M.base)
         EG = product(T, p["B"]) - product(self.L.base, p["D"]) - self.G.base
-        slopes_M = [product(T, a) - product(L, p["C"]) - M
+        slopes_M = [product(T, a) - product(L, p["C"]) - self.of_x(M)
                     for a, L, M in zip(p["A_theta"], self.L.slopes, self.M.slopes)]
         slopes_G = [product(T, b) - product(L, p["D"]) - G
                     for b, L, G in zip(p["B_theta"], self.L.slopes, self.G.slopes)]

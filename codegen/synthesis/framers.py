@@ -17,7 +17,8 @@ Array = np.ndarray
 OPTIONS = {
     "criterion": ("linf", "width", "detection"), "lyapunov": ("common", "multiple"), "lambda": (0.0, 1.0),
     "contraction": (0.0, 1.0), "sampling": ("euler", "second-order", "exponential"),
-    "gain_cap": (0.0, 1e6), "evaluations": (1, 100000), "within": (0, 50), "gains": dict,
+    "coordinates": ("none", "change"), "gain_cap": (0.0, 1e6), "evaluations": (1, 100000), "within": (0, 50),
+    "gains": dict,
 }
 
 
