@@ -28,6 +28,10 @@ static const T(real) y_lo[] = CASE_Y_LO;
 static const T(real) y_hi[] = CASE_Y_HI;
 static const T(real) x_lo[] = CASE_X_LO;
 static const T(real) x_hi[] = CASE_X_HI;
+#if CASE_HAS_Z
+static const T(real) z_lo[] = CASE_Z_LO;
+static const T(real) z_hi[] = CASE_Z_HI;
+#endif
 static const T(real) x0_lo[] = CASE_X0_LO;
 static const T(real) x0_hi[] = CASE_X0_HI;
 

@@ -53,31 +53,39 @@ static void any_inputs(T(in) *in)
     }
 }
 
-static void any_framers(T(state) *s)
+static void any_box(T(real) *lo, T(real) *hi, const T(real) *least, const T(real) *most)
 {
     for (uint32_t i = 0U; i < M(NX); i++)
     {
         /* Wide, narrow or a point, so that sums of every size meet their offsets. */
-        const T(real) end = x_lo[i] + ((x_hi[i] - x_lo[i]) / (T(real))(1U << draw(12U)));
+        const T(real) end = least[i] + ((most[i] - least[i]) / (T(real))(1U << draw(12U)));
 
-        s->x_lo[i] = between(x_lo[i], x_hi[i]);
-        s->x_hi[i] = s->x_lo[i] + between(0, end - x_lo[i]);
-        s->x_hi[i] = (s->x_hi[i] > x_hi[i]) ? x_hi[i] : s->x_hi[i];
+        lo[i] = between(least[i], most[i]);
+        hi[i] = lo[i] + between(0, end - least[i]);
+        hi[i] = (hi[i] > most[i]) ? most[i] : hi[i];
         if (draw(8U) == 0U)
         {
-            s->x_lo[i] /= 4096;
-            s->x_hi[i] /= 4096;
+            lo[i] /= 4096;
+            hi[i] /= 4096;
         }
         else if (draw(8U) == 0U) /* far outside: what follows is cut */
         {
-            s->x_lo[i] *= 1024;
-            s->x_hi[i] *= 1024;
+            lo[i] *= 1024;
+            hi[i] *= 1024;
         }
         else
         {
             /* as they are */
         }
     }
+}
+
+static void any_framers(T(state) *s)
+{
+    any_box(s->x_lo, s->x_hi, x_lo, x_hi);
+#if CASE_HAS_Z
+    any_box(s->z_lo, s->z_hi, z_lo, z_hi);
+#endif
 }
 
 static uint32_t add(uint32_t digest, const void *object, uint32_t size)

@@ -36,6 +36,8 @@ def case(record: dict) -> str:
     supervision = record["supervision"]
     values = {f"CASE_{name.upper()}": "{ " + ", ".join(f"{v!r}{suffix}" for v in record["ranges"][name]) + " }"
               for name in ("u_lo", "u_hi", "y_lo", "y_hi", "x_lo", "x_hi", "x0_lo", "x0_hi")}
+    values |= {f"CASE_{name.upper()}": "{ " + ", ".join(f"{v!r}{suffix}" for v in record["ranges"][name]) + " }"
+               for name in ("z_lo", "z_hi") if name in record["ranges"]}
     boxes = {name: record["ranges"][name] for name in ("theta_lo", "theta_hi") if name in record["ranges"]}
     values |= {f"CASE_{name.upper()}": braced(rows, suffix) for name, rows in boxes.items()}
     members = {name for name, _, _ in record["state"]}
@@ -44,7 +46,7 @@ def case(record: dict) -> str:
                 "debounce_m": supervision["debounce"][0], "debounce_n": supervision["debounce"][1]}
     flags = {"nu": record["n_u"], "ntheta": record["n_theta"], "latch": supervision["latch"],
              "has_phase": "phase" in members,
-             "has_mode": "mode" in members, "counts_hold": "hold" in members}
+             "has_z": "z_lo" in members, "has_mode": "mode" in members, "counts_hold": "hold" in members}
     values |= {f"CASE_{name.upper()}": f"{value}U" for name, value in numbers.items()}
     values |= {f"CASE_{name.upper()}": f"{int(value)}" for name, value in flags.items()}
     return "\n".join(["#ifndef CASE_H", "#define CASE_H", f'#include "{record["prefix"]}.h"',

@@ -123,7 +123,9 @@ def run(plant, out=None, method: str | None = None, real: str | None = None, lay
 
 
 def period_curve(made: Design, progress: Progress = silent) -> list[PeriodPoint]:
-    """Guaranteed width against sampling period, for the method of a design; empty for a discrete plant.
+    """Guaranteed width against sampling period, for the method of a design.
+
+    Empty for a discrete plant, and where coordinates are changed: each period would need its own search.
 
     Gains N, relative to what reproduces the measurement, are no larger than the design's: it sees faults as well.
 
@@ -136,7 +138,7 @@ def period_curve(made: Design, progress: Progress = silent) -> list[PeriodPoint]
     -------
     list of PeriodPoint
     """
-    if made.plant.kind != "continuous":
+    if made.plant.kind != "continuous" or made.observer.tables[made.plant.target.real].change is not None:
         return []
     method, tables = METHODS[made.method], made.observer.tables[made.plant.target.real]
     share = share_of(made.plant.modes[0].C, tables.N_hi.astype(float)) if method.tnl else np.inf

@@ -89,7 +89,7 @@ def both_sides(c: Candidate, plant: Plant, module=None) -> dict:
     if c.L_theta is not None:
         gains |= {"L_theta": c.L_theta, "midpoint": plant.reads_both_ends, "late": plant.switching.late,
                   "columns": [j for j, s in enumerate(plant.theta) if s.measured],
-                  "split": getattr(module, "SPLIT", False)}
+                  "split": getattr(module, "SPLIT", False)} | ({} if c.R is None else {"R": c.R})
     return gains
 
 
@@ -170,6 +170,12 @@ def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], No
     real, within = plant.target.real, int(options.get("within", WITHIN))
     if plant.kind == "continuous" and not can_be_sampled(plant):
         raise DesignError(period_words(plant, name))
+    if options.get("coordinates") == "change" and not hasattr(METHODS[name].module, "check_gains"):
+        raise DesignError(f'{plant.name}: coordinates = "change" is not to be had with method "{name}", expected '
+                          '"component-interval".')
+    if options.get("coordinates") == "change" and plant.switching.late:
+        raise DesignError(f'{plant.name}: coordinates = "change" is not to be had where the mode is told late, whose '
+                          'framers are joined in x; expected switching.late = false. Use coordinates = "none".')
     if "gains" in options:
         return [fixed_gains(plant, name, options, within)]
     scale = Problem.of(plant, False).f_scale
@@ -236,6 +242,7 @@ def fixed_gains(plant: Plant, name: str, options: dict, within: int) -> Trial:
     varying = is_uncertain(plant)
     slopes = (plant.n_modes, len(plant.observed.theta), *shape[1:])
     known = ("L", "N", *(("L_theta",) if varying else ("L_hi", "L_lo", "N_hi", "N_lo", "P", "P_hi", "P_lo")))
+    known = (*known, *["R"] * (options.get("coordinates") == "change"))
     for key in given:
         if key not in known:
             raise DesignError(f"{plant.name}: observer.gains.{key} is unknown, expected one of {', '.join(known)}.")
@@ -249,7 +256,10 @@ def fixed_gains(plant: Plant, name: str, options: dict, within: int) -> Trial:
     if "lambda" in options and ("P" in given or "P_hi" in given):
         proof = given_proof(plant, given, options)
     steps = array(plant, "L_theta", given.get("L_theta", np.zeros(slopes)), slopes) if varying else None
-    c = Candidate("gains of the plant file", gains["L_hi"], gains["N_hi"], proof, steps)
+    R = array(plant, "R", given.get("R"), shape[1:2] * 2) if "R" in known else None
+    c = Candidate("gains of the plant file", gains["L_hi"], gains["N_hi"], proof, steps, R)
+    if R is not None:
+        METHODS[name].module.check_gains(plant, R, c.L)
     if varying:
         gains = both_sides(c, plant, METHODS[name].module)
     tables, cert = certified(plant, gains, proof, plant.target.real)

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from .errors import DesignError
+from .plant.detector import fault_parameters
 from .plant.model import Plant
 
 out = Console(highlight=False, soft_wrap=True)
@@ -58,6 +59,9 @@ def _modes(p: Plant) -> None:
     """Print the modes and how the plant switches between them."""
     from .plant.properties import properties
 
+    if faults := fault_parameters(p):
+        out.print(f"\ndetector: observers of this plant bear {', '.join(faults)}; where these stand for faults, one of "
+                  "codegen.plant.detector.detector(plant), with their bounds at zero, sees them")
     if p.kind == "continuous":
         out.print("\nsampling: " + p.options.get("sampling", "exponential") + "; " + between(p))
     title = "\nmodes" + (", worst corner of theta" if p.theta else "")

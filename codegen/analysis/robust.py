@@ -13,7 +13,8 @@ that obey the same recursion without f therefore keep to their ultimate box, and
 
     s+ = M s + g f       at the worst corner of theta, per pair of modes; s = [s_hi; s_lo], from 0 before the onset.
 
-Rows of s are upper bounds: s_hi = -s_lo as long as there is one mode and no parameter.
+Rows of s are upper bounds: s_hi = -s_lo as long as there is one mode and no parameter. With a change of coordinates s
+is that of z (Z stands for T), and ``of_x`` makes that of x of it.
 
 How much too large: at the first delay with a promise some run hides 0.9 of it or more on most of the gallery's plants,
 0.65 to 0.7 of it where modes differ much; at later delays about half (tests/synthesis/test_robust.py).
@@ -41,13 +42,30 @@ def fault_free(modes, t, tails) -> tuple[Array, Array]:
     """Largest r_hi and -r_lo of each output without a fault (n_modes, n_y); ``tails`` bounds both errors."""
     above, below = [], []
     for q, m in enumerate(modes):
-        C, (z_hi, z_lo) = m.C, tails
+        C, (z_hi, z_lo) = m.C, of_x_errors(t, tails)
         most, least = support(m.Dv, m.v_lo, m.v_hi), -support(-m.Dv, m.v_lo, m.v_hi)
         c_hi, c_lo = np.asarray(t.c_hi[q], float), np.asarray(t.c_lo[q], float)
         margin = np.maximum(c_hi - most, least - c_lo)
         above.append(pos(C) @ z_hi + neg(C) @ z_lo + c_hi - least + margin)
         below.append(pos(C) @ z_lo + neg(C) @ z_hi - c_lo + most + margin)
     return np.array(above), np.array(below)
+
+
+def of_x(t, errors: Array) -> Array:
+    """Bounds of [e_hi; e_lo] of x for those of the state of the recursion."""
+    if t.change is None:
+        return errors
+    X, (hi, lo) = t.change.X.astype(float), np.split(errors, 2)
+    return np.concatenate([pos(X) @ hi + neg(X) @ lo, pos(X) @ lo + neg(X) @ hi])
+
+
+def of_x_errors(t, tails) -> tuple[Array, Array]:
+    """Bounds on both errors of x for those of the state; the offsets b count twice, as they cover their rounding."""
+    if t.change is None:
+        return tails
+    X, (z_hi, z_lo) = t.change.X.astype(float), tails
+    return (pos(X) @ z_hi + neg(X) @ z_lo + 2 * abs(t.change.b_hi.astype(float)),
+            pos(X) @ z_lo + neg(X) @ z_hi + 2 * abs(t.change.b_lo.astype(float)))
 
 
 def steps_of(t) -> list[tuple[int, Array, Array, Array]]:
@@ -108,12 +126,12 @@ def needed(modes, t, tails, channel: int, within: int, sign: float) -> Array:
     found, out = np.full(len(modes), np.inf), []
     for _ in range(within + 1):
         shift = np.maximum(shift, 0.0) if hides else shift
-        found = np.minimum(found.max(), [smallest(m, s, d, up, down)
+        found = np.minimum(found.max(), [smallest(m, of_x(t, s), d, up, down)
                                          for m, s, d, up, down in zip(modes, shift, Df, *rooms)])
         out.append(found.max())
         moved = []
         for p, M, L, N in steps:
-            T = np.eye(len(L)) - N @ modes[p].C
+            T = (np.eye(len(L)) if t.change is None else t.change.Z.astype(float)) - N @ modes[p].C
             # A mode that is told late: its sample may have been taken with the tables of any other.
             for r in range(len(modes)) if t.vary.late else (p,):
                 apart = np.abs(T) @ rad[r]

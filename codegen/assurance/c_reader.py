@@ -69,6 +69,20 @@ def read(prefix: str, text: str, header: str) -> Source:
     return Source(name, tuple(text.splitlines()), functions, macros | {"true": 1, "false": 0})
 
 
+def apart(prefix: str) -> frozenset[str]:
+    """Functions that maps call at their end, each of which is read by itself.
+
+    Parameters
+    ----------
+    prefix : str
+
+    Returns
+    -------
+    frozenset of str
+    """
+    return frozenset(f"{prefix}_{name}" for name in ("cut", "cut_z", "to_x", "to_z"))
+
+
 def blank(text: str) -> str:
     """Replace comments by spaces and directives by empty lines; no line moves."""
     text = re.sub(r"/\*.*?\*/", lambda m: re.sub(r"[^\n]", " ", m[0]), text, flags=re.S)

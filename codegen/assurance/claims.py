@@ -102,20 +102,23 @@ def _of_certificate(design, t, cert, modes):
     """Yield (beginning of the sentence, what makes its claim), in the order of ``certify.claims.check``."""
     family, timed = _source(inspect.getmodule(type(design.observer))), _timed(design)
     varying, late = (*SLOPES, *RADII) * (t.vary is not None), t.vary is not None and t.vary.late
+    z = t.change is not None
+    maps = ("Z", "X", "e", "b") * z
+    about = " Of z = Z x in place of x, with x = X z; T stands for Z." * z
 
     def claim(id, words, formula, source, code, found, plant=PLANT, constants=GAINS, checks=EXACT):
         return lambda text: Claim(id, text, (*plant, *timed), words, formula, source, code if isinstance(code, str)
                                   else _code(code), (*constants, *varying), tuple(found), checks)
 
-    gain = "T A - L C" if design.observer.family == "tnl" else "A - L C"
+    gain = "T A - L C" if design.observer.family == "tnl" else "Z (A - L C) Z^-1" if z else "A - L C"
     if t.signed:
-        yield "each entry of T A - L C takes the bound", claim(
+        yield f"each entry of {gain if z else 'T A - L C'} takes the bound", claim(
             "signs", "Each product with a state is taken at the end of its interval that bounds it.",
             f"lo: M_ij x_lo_j where M_ij >= 0, M_ij x_hi_j where M_ij < 0; hi mirrored; M = {gain} up to rounding",
             family, certificate._nonnegative, margins.nonnegative(modes, t), plant=("A", "C", "constants"),
             constants=("M", "L", "N"))
     else:
-        yield "T A - L C >= 0", claim(
+        yield f"{gain if z else 'T A - L C'} >= 0", claim(
             "nonnegative", "Errors of the framers keep their sign: the matrix that carries them on has no negative "
             "entry" + (" at any corner of the box of theta." if varying else "."),
             f"M >= 0 elementwise, M = {gain} up to rounding, T = I - N C" + ("; M, A, L affine in theta" if varying
@@ -124,21 +127,23 @@ def _of_certificate(design, t, cert, modes):
             constants=("M", "L", "N"))
     yield "x_lo <= x <= x_hi", claim(
         "containment", "Each offset reaches beyond the worst disturbance, noise and rounding, so no step loses the "
-        "state." + (" What the parameters do that nobody measures is covered by the radii." if varying else "")
+        "state." + about + (" What the parameters do that nobody measures is covered by the radii." if varying else "")
         + (" Where the mode that is told has changed, the bounds of both modes are joined." if late else ""),
         ("sum |T A_unc| + |T| A_rad <= R up to what the offset takes, S alike of B, |Dv (v - middle)| <= E where L "
          "depends on theta; for every theta in its box: " if varying else "")
-        + "d_hi >= max[T Bw w - L Dv v - N Dv v+ + (T A - L C - M) x + (T B - L D - G) u] + rounding of inputs "
-        "and sums; mirrored for d_lo; a and c alike for x+ = A x + B u + Bw w and y = C x + D u + Dv v",
+        + f"d_hi >= max[T Bw w - L Dv v - N Dv v+ + (T A - L C - M{' Z' * z}) x + (T B - L D - G) u] + rounding of "
+        "inputs and sums; mirrored for d_lo; a and c alike for x+ = A x + B u + Bw w and y = C x + D u + Dv v"
+        + "; e for z = Z x and b >= |I - X Z| box for x = X z" * z,
         family, containment.Containment, margins.contained(modes, t),
-        constants=("M", "G", "L", "N", "d", "A", "B", "a", "C", "D", "c", *("Ra", "Sa") * bool(varying)),
+        constants=("M", "G", "L", "N", "d", "A", "B", "a", "C", "D", "c", *("Ra", "Sa") * bool(varying), *maps),
         checks=(*EXACT, "rounding", "validation", "target"))
     yield "the framers ", claim(
         "bounded", "The framers stay in the box on which the rounding margins rest.",
-        "|x_lo|, |x_hi| <= box: both are cut to the declared ranges" if t.clamp else
+        "|x_lo|, |x_hi| <= box: both are cut to the declared ranges"
+        + "; z_lo <= min Z x, z_hi >= max Z x over the range of x" * z if t.clamp else
         "|M| box + |G| u_max + (|L| + |N|) y_max + |d| + rounding <= box", _own(freeze.box_holds),
         certificate._bounded if t.clamp else freeze.box_holds, margins.bounded(modes, t),
-        constants=(*GAINS, "x", "x0", "u", "y") if not t.clamp else ("x", "x0"), checks=(*EXACT, "prove"))
+        constants=(*GAINS, "x", "x0", "u", "y") if not t.clamp else ("x", "x0", *("z",) * z), checks=(*EXACT, "prove"))
     if cert["kind"] == "linf":
         yield "L-infinity: ", claim(
             "linf", "A Lyapunov function of the framers' errors decreases in every mode, grows by at most rho at a "
@@ -155,8 +160,8 @@ def _of_certificate(design, t, cert, modes):
     if cert.get("steady_box"):
         yield "Ultimate width ", claim(
             "ultimate-width", "A box of errors that no mode lets them leave, and into which every error shrinks.",
-            "M_q z + push_q <= z and M_q z < z in every mode", _own(criteria.check_box), criteria.check_box,
-            margins.box(modes, t, cert))
+            "M_q z + push_q <= z and M_q z < z in every mode" + "; |X| z + 2 (b_hi - b_lo) <= width of x" * z,
+            _own(criteria.check_box), criteria.check_box, margins.box(modes, t, cert))
     if design.plant.kind == "continuous":
         yield "between samples, ", claim(
             "sampling", "The tables are proved for a discrete plant with bounded unknowns that encloses the continuous "

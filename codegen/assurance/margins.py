@@ -12,7 +12,8 @@ from fractions import Fraction
 import numpy as np
 from flint import fmpq
 
-from ..certify.containment import Containment
+from ..certify.claims import image_of
+from ..certify.containment import Containment, offset
 from ..certify.criteria import check_linf, check_width, lyapunov_block
 from ..certify.error_model import ErrorModel
 from ..certify.exact import Q, down, rational
@@ -76,7 +77,7 @@ def contained(modes, t) -> list[Margin]:
     cases: dict[str, list] = {}
     for name, q, side, demands in Containment(modes, t).offsets():
         for i, demand in enumerate(demands):
-            value = Q(getattr(t, f"{name}_{side}")[q][i]) * (1 if side == "hi" else -1)
+            value = Q(offset(t, name, side)[q][i]) * (1 if side == "hi" else -1)
             cases.setdefault(name, []).append((-demand.shortfall(value, t.real),
                                                f'{name}_{side}[{i}], mode "{modes[q].name}"'))
     return [tightest(f"offset {name} beyond its demand", found) for name, found in cases.items()]
@@ -87,6 +88,9 @@ def bounded(modes, t) -> list[Margin]:
     reach = np.max(np.abs([t.x_lo, t.x_hi, t.x0_lo, t.x0_hi]), axis=0)
     out = [tightest("state box beyond the declared ranges", [(Q(b) - Q(r), f"state {i}")
                                                              for i, (b, r) in enumerate(zip(t.box, reach))])]
+    if t.change is not None:
+        out.append(tightest("range of z beyond what Z makes of the range of x",
+                            [(left, f"z[{i % len(t.box)}]") for i, left in enumerate(image_of(t))]))
     if t.clamp:
         return out
     exact = Containment(modes, t)
@@ -156,6 +160,11 @@ def box(modes, t, cert: dict) -> list[Margin]:
                 where = f"{side}, {_corner(model, t, names, k)}, state {i}"
                 stay.append((z[i] - x - push[i], where))
                 reach.append((z[i] - x, where))
+    if t.change is not None:
+        wide = [(Q(a) - b, f"state {i}") for i, (a, b) in enumerate(zip(cert["x_width"],
+                                                                          model.x_width(cert["steady_box"])))]
+        return [tightest("z - (M z + push)", stay), tightest("z - M z", reach, strict=True),
+                tightest("widths of x beyond what the box of z leads to", wide)]
     return [tightest("z - (M z + push)", stay), tightest("z - M z", reach, strict=True)]
 
 

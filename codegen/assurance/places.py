@@ -15,7 +15,7 @@ from ..emit import families, view
 from ..emit.maps import MapSpec, Names
 from ..emit.varying import Varying
 from ..errors import CertificateError
-from .c_reader import Source, read, walk
+from .c_reader import Source, apart, read, walk
 from .read_varying import read_varying
 from .symbolic import NOWHERE, Affine, Coefficient, Machine
 
@@ -88,6 +88,8 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
 def _maps(family: str, t, names: Names, d) -> tuple[MapSpec | Varying, ...]:
     """Every map of the C; where the mode may be told late, those for the mode that is told now too."""
     specs = families.specs(family, t, names, d.x, d.y)
+    if t.change is not None:
+        return (*specs, *families.change_specs(t, names, d.x))
     return (*specs, *families.late_specs(*specs[1:], names)) if d.late else specs
 
 
@@ -118,7 +120,7 @@ class _Found:
 def _read_map(source: Source, spec: MapSpec, q: int, mode: str, found: _Found) -> None:
     """Execute a map in one mode and compare every row of both framers with the tables."""
     prefix = spec.names.prefix
-    machine = Machine(source, spec.names.real, {"in->mode": q, "s->mode": q}, skip=frozenset({f"{prefix}_cut"}))
+    machine = Machine(source, spec.names.real, {"in->mode": q, "s->mode": q}, skip=apart(prefix))
     machine.call(spec.name)
     for side, other in (SIDES, SIDES[::-1]):
         for i in range(len(spec.rows)):
@@ -158,16 +160,18 @@ def _read_ranges(source: Source, d, modes: tuple[str, ...], t, found: _Found) ->
             if bounds:
                 raise CertificateError(f"{source.name}: {check.name} compares {', '.join(o for o, _ in bounds)} with "
                                        "what the tables do not know. Print it again.")
-    cut = Machine(source, d.real, clip=frozenset({f"{d.prefix}_clip"}))
-    cut.call(f"{d.prefix}_cut")
-    for framer in SIDES:
-        for i in range(len(t.x_lo)):
-            place = f"x_{framer}[{i}]"
-            kept = set(cut.memory.get(place, {})) == {place}
-            for side, c in zip(SIDES, cut.clipped[place] if kept else (NOWHERE, NOWHERE)):
-                found.add(f"x_{side}", "", f"{d.prefix}_cut", (i,), getattr(t, f"x_{side}")[i], c)
+    for cut, tables in zip(d.cuts, (t, t.change)):
+        machine = Machine(source, d.real, clip=frozenset({f"{d.prefix}_clip"}))
+        machine.call(cut.name)
+        for framer in SIDES:
+            for i in range(len(t.x_lo)):
+                place = f"{cut.vector}_{framer}[{i}]"
+                kept = set(machine.memory.get(place, {})) == {place}
+                for side, c in zip(SIDES, machine.clipped[place] if kept else (NOWHERE, NOWHERE)):
+                    name = f"{cut.vector}_{side}"
+                    found.add(name, "", cut.name, (i,), getattr(tables, name)[i], c)
     for function, vector in (("init", "x0"), ("whole_range", "x")):
-        machine = Machine(source, d.real, skip=frozenset({f"{d.prefix}_clear"}))
+        machine = Machine(source, d.real, skip=apart(d.prefix) | {f"{d.prefix}_clear"})
         machine.call(f"{d.prefix}_{function}")
         for side in SIDES:
             for i, value in enumerate(getattr(t, f"{vector}_{side}")):

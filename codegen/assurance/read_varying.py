@@ -14,7 +14,7 @@ from fractions import Fraction
 from ..emit.maps import Linear
 from ..emit.varying import Varying
 from ..errors import CertificateError
-from .c_reader import Source
+from .c_reader import Source, apart
 from .symbolic import NOWHERE, Affine, Machine, plain
 
 SIDES = ("lo", "hi")
@@ -42,7 +42,7 @@ def read_varying(source: Source, v: Varying, t, q: int, mode: str, found) -> Non
     """
     spec = v.spec
     machine = Machine(source, spec.names.real, {"in->mode": q, "s->mode": q}, named=True,
-                      skip=frozenset({f"{spec.names.prefix}_cut"}))
+                      skip=apart(spec.names.prefix))
     machine.call(spec.name)
     reader = _Reader(source, v, t, q, mode, found, machine)
     reader.operands()
@@ -70,7 +70,7 @@ class _Reader:
 
     def operands(self) -> None:
         """Check the parameters of the step and the magnitudes of state and input."""
-        v, t, (lo, hi) = self.v, self.t, (f"{self.v.spec.state.operand}_{s}" for s in SIDES)
+        v, t, (lo, hi) = self.v, self.t, (f"{self.v.near}_{s}" for s in SIDES)
         allowed = {f"m_{j}": [{f"max(- {lo}[{j}], + {hi}[{j}])": 1}, *[{f"{hi}[{j}]": 1}] * bool(t.x_lo[j] >= 0),
                               *[{f"{lo}[{j}]": -1}] * bool(t.x_hi[j] <= 0)] for j in range(v.R.shape[2])}
         allowed |= {f"a_{j}": [{f"|+ {v.inputs}[{j}]|": 1}, *[{f"{v.inputs}[{j}]": 1}] * bool(t.u_lo[j] >= 0),

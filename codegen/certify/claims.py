@@ -15,10 +15,10 @@ import numpy as np
 from flint import fmpq
 
 from ..errors import CertificateError
-from .containment import Containment
+from .containment import Containment, offset, sup
 from .criteria import check_box, check_linf, check_width, smallest_mu
 from .error_model import ErrorModel
-from .exact import Q, up
+from .exact import Q, rational, up
 from .freeze import box_holds
 
 SIDES = ("hi", "lo")
@@ -70,6 +70,8 @@ def prove(modes, t, proof: dict) -> dict:
         cert["level"] = up(check_width(model, cert, names)["width_bound"])
     boxes = {s: model.steady_box(s) for s in model.push}
     cert["steady_box"] = None if any(b is None for b in boxes.values()) else {s: b.tolist() for s, b in boxes.items()}
+    if t.change is not None and cert["steady_box"] is not None:
+        cert["x_width"] = [up(x) for x in model.x_width(cert["steady_box"])]
     if proof["kind"] == "box" and cert["steady_box"] is None:
         raise CertificateError("certificate: no box holds the framer errors of all modes on the rounded constants. "
                                'Try criterion = "linf" with lyapunov = "multiple" and a dwell time.')
@@ -113,6 +115,8 @@ def _check(modes, t, cert: dict, exact: Containment, model: ErrorModel) -> list[
         raise CertificateError(f"certificate: kind {cert['kind']!r} (found), expected linf, width, box or none.")
     if cert.get("steady_box"):
         check_box(model, cert["steady_box"], names)
+        if t.change is not None and any(Q(a) < b for a, b in zip(cert["x_width"], model.x_width(cert["steady_box"]))):
+            raise CertificateError("certificate: the widths of x are less than what the box of z = Z x leads to.")
         width = ", ".join(f"{x:.4g}" for x in ultimate_width(cert))
         claims.append(f"Ultimate width of each state at most [{width}], for arbitrary switching")
     return claims
@@ -121,7 +125,7 @@ def _check(modes, t, cert: dict, exact: Containment, model: ErrorModel) -> list[
 def ultimate_width(cert: dict) -> list[float] | None:
     """Proved bound on the width of each state once settled, for arbitrary switching; None where there is none."""
     z = cert.get("steady_box")
-    return z and z.get("width", [a + b for a, b in zip(z["hi"], z["lo"])])
+    return cert["x_width"] if "x_width" in cert else z and z.get("width", [a + b for a, b in zip(z["hi"], z["lo"])])
 
 
 def check_ranges(limits: dict, t) -> None:
@@ -200,16 +204,17 @@ def _nonnegative(t, exact: Containment, names) -> str:
                 raise CertificateError(f'certificate: T A - L C has the negative entry {least[i, j]:.6g} at ({i}, {j}) '
                                        f'in mode "{name}" ({side} framer), expected >= 0.')
             worst = max([worst, *exact.leftover(q, side)[1].most().ravel()])
+    gain = "T A - L C" if t.change is None else "Z (A - L C) Z^-1"
     rest = f"the rounded table differs from it by at most {float(worst):.2g}, which the offsets cover"
     if t.signed:
-        return f"each entry of T A - L C takes the bound that its sign asks for; {rest}"
+        return f"each entry of {gain} takes the bound that its sign asks for; {rest}"
     where = "in every mode" + (" and for every theta in its box" if t.vary is not None and t.vary.parameters else "")
-    return f"T A - L C >= 0 {where}; {rest}"
+    return f"{gain} >= 0 {where}; {rest}"
 
 
 def _contained(t, exact: Containment, names) -> str:
     for name, q, side, demands in exact.offsets():
-        values = getattr(t, f"{name}_{side}")[q]
+        values = offset(t, name, side)[q]
         for i, demand in enumerate(demands):
             lack = demand.shortfall(Q(values[i]) * (1 if side == "hi" else -1), t.real)
             if lack > 0:
@@ -223,11 +228,24 @@ def _bounded(t, exact: Containment) -> str:
     reach = np.max(np.abs([t.x_lo, t.x_hi, t.x0_lo, t.x0_hi]), axis=0)
     if np.any(reach > t.box):
         raise CertificateError("certificate: the state box does not contain the declared ranges.")
+    if t.change is not None:
+        image = image_of(t)
+        if any(a < 0 for a in image) or not t.clamp or np.any(np.maximum(-t.change.z_lo, t.change.z_hi) > t.change.box):
+            raise CertificateError("certificate: the range of z does not contain what Z makes of the range of x.")
+        return ("the framers are cut to the declared ranges, those of z = Z x to what Z makes of them, so they are "
+                "bounded")
     if t.clamp:
         return "the framers are cut to the declared ranges, so they are bounded"
     if not box_holds(t, exact):
         raise CertificateError("certificate: the framers can leave the state box behind the rounding margins.")
     return "the framers cannot leave the state box, whatever the inputs within their ranges"
+
+
+def image_of(t) -> list:
+    """What the range of z has beyond the image of the range of x under Z, at every end; exact."""
+    Z, (lo, hi) = rational(t.change.Z), (rational(t.x_lo), rational(t.x_hi))
+    return [*(Q(z) - x for z, x in zip(t.change.z_hi, sup(Z, lo, hi))),
+            *(-Q(z) - x for z, x in zip(t.change.z_lo, sup(-Z, lo, hi)))]
 
 
 def _root(value: fmpq) -> fmpq:

@@ -14,6 +14,10 @@ with ``T A(theta) - L(theta) C - M(theta)`` bounded over the box, and what the p
 counted with the rest (``variation``). Where M has negative entries its row is bounded from above by the upper bound of
 x times the positive and the lower bound times the negative ones, which is an inclusion for any M.
 
+With a change of coordinates (``t.change``) the recursion is that of z = Z x: T = Z, and M takes the bounds of z, so
+T A - L C - M Z is left over. The two maps between the boxes have offsets of their own: z = Z x holds by definition,
+x = X z + (I - X Z) x for any X.
+
 The worst case of the noise is taken with its true sign. The printed (5.2), (5.23) of Zammali (2020) use
 ``pos(L Dv) v_hi - neg(L Dv) v_lo``, which is right only for v_lo = -v_hi; the error equation needs -L Dv v.
 """
@@ -93,6 +97,7 @@ class Containment:
         self.exact = [exact_mode(m, t.G_hi.shape[1:]) for m in modes]
         self.parts: dict[tuple[int, str], Scheduled] = {}
         self.box = rational(t.box)
+        self.state = self.box if t.change is None else rational(t.change.box)  # of what M multiplies
         self.u_max, self.y_max = bounds(t.u_lo, t.u_hi), bounds(t.y_lo, t.y_hi)
         self.u_err = np.array([input_error(b, t.real) for b in self.u_max], dtype=object)
         self.y_err = np.array([input_error(b, t.real) for b in self.y_max], dtype=object)
@@ -110,6 +115,7 @@ class Containment:
         """Return T, T A - L C - M and T B - L D - G of mode q on the emitted constants, exact."""
         s = self.scheduled(q, side)
         T = eye(len(self.box)) - product(s.N, self.exact[q]["C"])
+        T = T if s.Z is None else product(s.Z, T)
         return T, *s.leftover(T)
 
     def update(self, q: int, side: str) -> list[Demand]:
@@ -135,7 +141,7 @@ class Containment:
             need += dot(L_most[i], self.y_err) + dot(s.N[i], self.y_err) + dot(s.S.most()[i], self.u_err)
             G, slip_G = pairs(s.G, i, self.u_max, self.real)
             L, slip_L = pairs(s.L, i, self.y_max, self.real)
-            M, slip_M = pairs(s.M, i, self.box, self.real)
+            M, slip_M = pairs(s.M, i, self.state, self.real)
             slip_E = dot(s.E[i], L_slip[i])
             R, slip_R = pairs(s.R, i, self.box, self.real)
             S, slip_S = pairs(s.S, i, self.u_max, self.real)
@@ -210,13 +216,30 @@ class Containment:
             out.append(Demand(need, list(zip(D[j], self.u_max)), list(zip(C[j], self.box))))
         return out
 
+    def changed(self, name: str) -> list[Demand]:
+        """Demands on the offsets "e" of z = Z x or "b" of x = X z; both sides and all modes have the same."""
+        Z, X = rational(self.t.change.Z), rational(self.t.change.X)
+        if name == "e":
+            return [Demand(fmpq(0), [], list(zip(row, self.box))) for row in Z]
+        return [Demand(dot(left, self.box), [], list(zip(row, self.state)))
+                for left, row in zip(eye(len(Z)) - product(X, Z), X)]
+
     def offsets(self):
-        """Yield (name, q, side, demands) for every offset vector of the tables."""
+        """Yield (name, q, side, demands) for every offset vector of the tables, see ``offset``."""
         for q in range(len(self.modes)):
             for side in ("hi", "lo"):
                 yield "d", q, side, self.update(q, side)
                 yield "a", q, side, self.blind(q, side)
                 yield "c", q, side, self.output(q, side)
+                for name in "eb" if self.t.change is not None else "":
+                    yield name, q, side, self.changed(name)
+
+
+def offset(t, name: str, side: str) -> Array:
+    """The offsets (N, n) of a table by the names of ``Containment.offsets``."""
+    if name in "eb":
+        return np.broadcast_to(getattr(t.change, f"{name}_{side}"), t.d_hi.shape)
+    return getattr(t, f"{name}_{side}")
 
 
 def positive(A: Array) -> Array:

@@ -10,6 +10,8 @@ bounded with the declared range of x, to which the framers are cut.
 
 With equal gains the width W = e_hi + e_lo obeys ``W+ = M W + (d_hi - d_lo)`` up to rounding, whatever happens to
 the plant: the same recursion with its own push, and half the bound that adding both errors would give.
+
+With a change of coordinates all this is about z = Z x; ``x_width`` leads from a box of z's widths to those of x.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from __future__ import annotations
 import numpy as np
 from flint import fmpq
 
-from .containment import Containment, dot, sup
+from .containment import Containment, dot, offset, sup
 from .exact import Q, product, rational
 from .variation import Affine
 
@@ -153,6 +155,15 @@ class ErrorModel:
             slack.append(max(x + against[i] + margin, never))
             push.append(x + against[i] + rise[i] + max(r[i] for r in rises) + margin)
         return slack, np.array(push, dtype=object)
+
+    def x_width(self, boxes: dict) -> list:
+        """Largest width of each x where the errors (or widths) of z are within ``boxes``, as of ``steady_box``.
+
+        The offset b counts twice: it is no smaller than the rounding of its sum, which may act outward.
+        """
+        z = rational(np.array(boxes["width"]))
+        b = [sum((2 * abs(Q(offset(self.t, "b", s)[0][i])) for s in ("hi", "lo")), Q(0)) for i in range(len(z))]
+        return [dot(row, z) + extra for row, extra in zip(rational(self.t.change.X), b)]
 
     def box_violation(self, z: Array, side: str):
         """First (mode, state, excess) at which M_q z + push_q <= z or M_q z < z fails, or None.

@@ -43,6 +43,24 @@ def product(A: Array, B: Array) -> Array:
     return A @ B
 
 
+def inverse(A: Array) -> Array:
+    """Exact inverse of a rational object array.
+
+    Raises
+    ------
+    CertificateError
+        There is none.
+    """
+    try:
+        found = fmpq_mat([[Q(x) for x in row] for row in A]).inv()
+    except ZeroDivisionError:
+        raise CertificateError("certificate: the change of coordinates has no inverse. Take another one.") from None
+    out = zeros(*A.shape)
+    for i, j in np.ndindex(A.shape):
+        out[i, j] = found[i, j]
+    return out
+
+
 def zeros(*shape: int) -> Array:
     """Object array of exact zeros."""
     out = np.empty(shape, dtype=object)

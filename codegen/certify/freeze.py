@@ -11,8 +11,8 @@ import numpy as np
 from flint import fmpq
 from scipy.optimize import linprog
 
-from .containment import Containment
-from .exact import Q, down, eye, product, rational, up
+from .containment import Containment, offset, sup
+from .exact import Q, down, eye, inverse, product, rational, up
 from .rounding import UNIT
 from .variation import Affine, computed_box, exact_mode, noise_size, pace_needed
 
@@ -42,8 +42,8 @@ def freeze(tables_class, modes, limits: dict, gains: dict, real: str):
         "x", "x0", "u", "y" -> (lo, hi) arrays.
     gains : dict
         "L_hi", "L_lo", "N_hi", "N_lo" -> ndarray (n_modes, n_x, n_y), float64; for a plant with parameters or unknowns
-        also "L_theta" (n_modes, J, n_x, n_y), "columns", "late", "midpoint" of ``Variation``, and "split" (negative
-        entries of M are wanted).
+        also "L_theta" (n_modes, J, n_x, n_y), "columns", "late", "midpoint" of ``Variation``, "split" (negative
+        entries of M are wanted), and for a change of coordinates "R" (n_x, n_x) of z = R x.
     real : {"float32", "float64"}
 
     Returns
@@ -89,7 +89,11 @@ def freeze_varying(tables_class, modes, limits: dict, gains: dict, real: str):
     """As ``freeze`` for a plant with measured parameters or bounded unknowns: both framers have the same gains."""
     L, N, slopes = (nearest(gains[k], real) for k in ("L_hi", "N_hi", "L_theta"))
     n = {"L_hi": L, "L_lo": L, "N_hi": N, "N_lo": N} | plain_tables(modes, limits, real)
-    parts = [vary_mode(m, L[q], N[q], slopes[q], n, gains["split"], real) for q, m in enumerate(modes)]
+    Z = None if gains.get("R") is None else nearest(gains["R"], real)
+    if Z is not None:  # the gains of z = Z x
+        L = np.stack([nearest(product(rational(Z), rational(x)), real) for x in gains["L_hi"]])
+        n["L_hi"] = n["L_lo"] = L
+    parts = [vary_mode(m, L[q], N[q], slopes[q], n, gains["split"], real, Z) for q, m in enumerate(modes)]
     for name in ("M", "G"):
         n[name + "_hi"] = n[name + "_lo"] = np.stack([p[name] for p in parts])
     n["A"], n["B"] = (np.stack([p["blind_" + name] for p in parts]) for name in "AB")
@@ -103,23 +107,42 @@ def freeze_varying(tables_class, modes, limits: dict, gains: dict, real: str):
         M=np.stack([p["M_theta"] for p in parts]), G=np.stack([p["G_theta"] for p in parts]))
     reach = np.maximum(np.maximum(np.abs(n["x_lo"]), np.abs(n["x_hi"])),
                        np.maximum(np.abs(n["x0_lo"]), np.abs(n["x0_hi"])))
-    return with_offsets(modes, tables_class(real=real, clamp=True, box=reach, vary=vary, **n))
+    changed = tables_class.__dataclass_fields__["change"].metadata["type"]
+    change = None if Z is None else coordinates(changed, Z, n, real)
+    return with_offsets(modes, tables_class(real=real, clamp=True, box=reach, vary=vary, change=change, **n))
 
 
-def vary_mode(mode, L: Array, N: Array, slopes: Array, n: dict, split: bool, real: str) -> dict[str, Array]:
+def coordinates(change_class, Z: Array, n: dict, real: str):
+    """Tables of z = Z x, offsets still zero: the rounded inverse, and what Z makes of the range of x."""
+    lo, hi = rational(n["x_lo"]), rational(n["x_hi"])
+    z_lo = np.array([down(-x, real) for x in sup(-rational(Z), lo, hi)], dtype=real)
+    z_hi = np.array([up(x, real) for x in sup(rational(Z), lo, hi)], dtype=real)
+    none = np.zeros(len(Z), real)
+    return change_class(Z=Z, X=nearest(inverse(rational(Z)), real), e_lo=none, e_hi=none, b_lo=none, b_hi=none,
+                        z_lo=z_lo, z_hi=z_hi, box=np.maximum(abs(z_lo), abs(z_hi)))
+
+
+def vary_mode(mode, L: Array, N: Array, slopes: Array, n: dict, split: bool, real: str,
+              Z: Array | None = None) -> dict[str, Array]:
     """Tables of one mode: closed loop, radii, box of theta, prediction at the middle of the box."""
     p = exact_mode(mode, mode.B.shape)
     L0, N, Lj = rational(L), rational(N), [rational(x) for x in slopes]
     T = eye(len(p["A"])) - product(N, p["C"])
+    back = eye(len(T))
+    if Z is not None:
+        T, back, split = product(rational(Z), T), inverse(rational(Z)), False
     lo = [down(x, real) for x in p["theta_lo"]]
     hi = [up(x, real) for x in p["theta_hi"]]
     box = computed_box(*(rational(np.array(b)) for b in (lo, hi)), p["products"], real)
     Lj += [abs(L0) * 0] * (len(box[0]) - len(Lj))
     size = abs(p["A"]) + product(abs(product(N, p["C"])), abs(p["A"])) + product(abs(L0), abs(p["C"]))
+    if Z is not None:  # a search leaves more than rounding of what ought to be zero
+        size = product(product(abs(T), abs(p["A"])) + product(abs(L0), abs(p["C"])), abs(back))
+        size = size * max(fmpq(1), fmpq(1, 2**32) / UNIT[real])
     reach = [max(abs(a), abs(b)) for a, b in zip(*box)]
     for r, a, g in zip(reach, p["A_theta"], Lj):
         size = size + r * (abs(a) + product(abs(product(N, p["C"])), abs(a)) + product(abs(g), abs(p["C"])))
-    M = Affine(product(T, p["A"]) - product(L0, p["C"]),
+    M = Affine(product(product(T, p["A"]) - product(L0, p["C"]), back),
                [product(T, a) - product(g, p["C"]) for a, g in zip(p["A_theta"], Lj)], *box)
     out = closed_entries(M, size, split, real)
     out["G"] = nearest(product(T, p["B"]) - product(L0, p["D"]), real)
@@ -140,9 +163,10 @@ def vary_mode(mode, L: Array, N: Array, slopes: Array, n: dict, split: bool, rea
                     apart[of] = apart[of] + abs(product(T_of, F))
                 else:
                     total = total + abs(product(T_of, F))
-            out[name] = worthwhile(total, weight, weight_x, real)
+            rows = abs(T_of) @ weight_x if Z is not None else weight_x
+            out[name] = worthwhile(total, weight, rows, real)
             if paced and name in "RS":
-                out[f"{name}_pace"] = np.stack([worthwhile(apart[j], weight, weight_x, real) for j in paced])
+                out[f"{name}_pace"] = np.stack([worthwhile(apart[j], weight, rows, real) for j in paced])
     noise = noise_size(p)
     moved = np.any(np.asarray(slopes) != 0, axis=0) if len(slopes) else np.zeros(L.shape, dtype=bool)
     out["E"] = np.array([[up(noise[j], real) if moved[i, j] else 0.0 for j in range(L.shape[1])]
@@ -237,10 +261,12 @@ def _replace(t, **changes):
 def with_offsets(modes, t, exact: Containment | None = None):
     """Return the tables with the smallest sound offsets for their constants and box."""
     exact = exact or Containment(modes, t)
-    new = {name + "_" + side: np.array(getattr(t, name + "_" + side)) for name in "dac" for side in SIDES}
+    new = {}
     for name, q, side, demands in exact.offsets():
-        new[f"{name}_{side}"][q] = [sound_offset(d, t.real) * (1 if side == "hi" else -1) for d in demands]
-    return _replace(t, **new)
+        values = new.setdefault(f"{name}_{side}", np.array(offset(t, name, side)))
+        values[q] = [sound_offset(d, t.real) * (1 if side == "hi" else -1) for d in demands]
+    moved = {key: new.pop(key)[0] for key in list(new) if key[0] in "eb"}
+    return _replace(t, **new, **({"change": _replace(t.change, **moved)} if moved else {}))
 
 
 def sound_offset(demand, real: str) -> float:

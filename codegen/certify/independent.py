@@ -218,7 +218,7 @@ def root(base, power, degree):
 def check_source(text, t):
     """Every real literal of the C is a number of the tables; every gain and offset of the tables is in the C."""
     kind, end = ("f", "F") if t["real"] == "float32" else ("d", "")
-    found = re.findall(r"(?<![\w.])(\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+)" + end + r"\b", text)
+    found = re.findall(r"(?<![\w.])(\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+)" + end + r"(?![\w.])", text)
     found = {F(struct.unpack(kind, struct.pack(kind, float(m)))[0]) for m in found}
 
     def flat(value):

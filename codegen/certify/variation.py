@@ -115,6 +115,7 @@ class Scheduled:
         self.lo, self.hi = ([], []) if vary is None else (rational(vary.theta_lo[q]), rational(vary.theta_hi[q]))
         base = {k: rational(getattr(t, f"{k}_{side}")[q]) for k in "MGLN"}
         self.N = base["N"]
+        self.Z = None if t.change is None else rational(t.change.Z)
         # Three roundings at most stand between the parameter and what the step multiplies: the caller's, and the
         # mean of two samples.
         reach = [max(abs(a), abs(b)) for a, b in zip(self.lo, self.hi)]
@@ -136,12 +137,16 @@ class Scheduled:
             steps = [] if vary is None or not vary.paced else [rational(s) for s in getattr(vary, f"{name}_pace")[q]]
             setattr(self, name, Affine(radius, steps, [fmpq(0)] * len(top), top))
 
+    def of_x(self, M: Array) -> Array:
+        """What multiplies x where M multiplies the state of the recursion: M Z with a change of coordinates."""
+        return M if self.Z is None else product(M, self.Z)
+
     def leftover(self, T: Array) -> tuple[Affine, Affine]:
         """T A(theta) - L(theta) C - M(theta) and T B(theta) - L(theta) D - G(theta), exact."""
         p = self.p
-        EM = product(T, p["A"]) - product(self.L.base, p["C"]) - self.M.base
+        EM = product(T, p["A"]) - product(self.L.base, p["C"]) - self.of_x(self.M.base)
         EG = product(T, p["B"]) - product(self.L.base, p["D"]) - self.G.base
-        slopes_M = [product(T, a) - product(L, p["C"]) - M
+        slopes_M = [product(T, a) - product(L, p["C"]) - self.of_x(M)
                     for a, L, M in zip(p["A_theta"], self.L.slopes, self.M.slopes)]
         slopes_G = [product(T, b) - product(L, p["D"]) - G
                     for b, L, G in zip(p["B_theta"], self.L.slopes, self.G.slopes)]

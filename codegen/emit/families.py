@@ -54,6 +54,8 @@ def specs(family: str, t, names: Names, x, y) -> tuple[MapSpec, MapSpec | Varyin
         own = {"parameters": (f"{p}_state *s", f"const {p}_in *in", f"const {p}_out *out"), **now}
         read, target, u, last_y = "out->x", "s->x", "in->u", "in->y"
         blind_own = own
+        if t.change is not None:
+            read = target = "s->z"
     else:
         # A state overwritten by an upset of the memory must not read a table out of bounds.
         index = f"(s->mode < {m}_MODES) ? s->mode : 0U"
@@ -61,9 +63,15 @@ def specs(family: str, t, names: Names, x, y) -> tuple[MapSpec, MapSpec | Varyin
         own = {"parameters": (f"const {p}_state *s", f"const {p}_in *in", f"{p}_out *out"), **then}
         read, target, u, last_y = "s->x", "out->x", "s->u", "s->y"
         blind_own = own | {"parameters": (f"const {p}_state *s", f"{p}_out *out")}
-    cut = (f"{p}_cut({target}_lo, {target}_hi);",)
+    cut, blind_tail = ((f"{p}_cut({target}_lo, {target}_hi);",),) * 2
     to = {"target_lo": f"{target}_lo", "target_hi": f"{target}_hi", "rows": states, "row_count": f"{m}_NX",
           "minus": ""}
+    blind_read, blind_to = read, to
+    if t.change is not None:  # blind moves x, forward z
+        blind_read, blind_to = "out->x", to | {"target_lo": "s->x_lo", "target_hi": "s->x_hi"}
+        to = to | {"rows": z_rows(t)}
+        cut, blind_tail = ((f"{p}_cut_z(s->z_lo, s->z_hi);", f"{p}_to_x(s);"),
+                           (f"{p}_cut(s->x_lo, s->x_hi);", f"{p}_to_z(s);"))
     gains = [("G", t.G_lo, t.G_hi, u, "NU"), ("L", t.L_lo, t.L_hi, last_y, "NY")]
     if family == "tnl":
         gains.append(("N", t.N_lo, t.N_hi, "in->y", "NY"))
@@ -74,9 +82,34 @@ def specs(family: str, t, names: Names, x, y) -> tuple[MapSpec, MapSpec | Varyin
     blind = MapSpec(f"{p}_blind", ("x_hi+ = pos(A) x_hi - neg(A) x_lo + B u + a_hi",
                                    "x_lo+ = pos(A) x_lo - neg(A) x_hi + B u + a_lo, both cut to the range of x"),
                     common=_inputs(names, ("B", t.B, t.B, u, "NU")), shared=True,
-                    offset=Linear("a", t.a_lo, t.a_hi), state=Linear("A", t.A, t.A, read, f"{m}_NX"),
-                    by_sign=True, tail=cut, **blind_own, **to)
+                    offset=Linear("a", t.a_lo, t.a_hi), state=Linear("A", t.A, t.A, blind_read, f"{m}_NX"),
+                    by_sign=True, tail=blind_tail, **blind_own, **blind_to)
     return (residual, forward, blind) if t.vary is None else (residual, *_varying(family, t, forward, blind, u))
+
+
+def change_specs(t, names: Names, x) -> tuple[MapSpec, ...]:
+    """State the maps from the bounds of z = Z x to those of x, and back; none without a change of coordinates."""
+    if t.change is None:
+        return ()
+    c, p, m, modes = t.change, names.prefix, names.macro, len(names.modes)
+
+    def spec(to: str, of: str, matrix: str, offset: str, rows: tuple[str, ...], tail: str) -> MapSpec:
+        lo, hi, values = (np.broadcast_to(getattr(c, k), (modes, *getattr(c, k).shape))
+                          for k in (f"{offset}_lo", f"{offset}_hi", matrix))
+        heading = (f"{to}_hi = pos({matrix}) {of}_hi - neg({matrix}) {of}_lo + {offset}_hi",
+                   f"{to}_lo = pos({matrix}) {of}_lo - neg({matrix}) {of}_hi + {offset}_lo, both cut to the range of "
+                   f"{to}")
+        return MapSpec(f"{p}_to_{to}", heading, (f"{p}_state *s",), "0U", "0U", f"s->{to}_lo", f"s->{to}_hi", rows, (),
+                       True, Linear(offset, lo, hi), Linear(matrix, values, values, f"s->{of}", f"{m}_NX"), True, "",
+                       (tail,), f"{m}_NX", names)
+
+    return (spec("x", "z", "X", "b", tuple(f"x[{i.index}] {i.name}" for i in x), f"{p}_cut(s->x_lo, s->x_hi);"),
+            spec("z", "x", "Z", "e", z_rows(t), f"{p}_cut_z(s->z_lo, s->z_hi);"))
+
+
+def z_rows(t) -> tuple[str, ...]:
+    """Name the entries of z."""
+    return tuple(f"z[{i}]" for i in range(len(t.box)))
 
 
 def late_specs(forward: Varying, blind: Varying, names: Names) -> tuple[Varying, Varying]:
@@ -102,8 +135,10 @@ def _varying(family: str, t, forward: MapSpec, blind: MapSpec, inputs: str) -> t
     of = "(theta)" if vary.parameters else ""
     terms = f"G{of} u + L{of} y + " + ("N y+ + " if family == "tnl" else "")
     more = " M takes the opposite bound of x where it is negative." if t.signed else ""
-    heading = (f"x_hi+ = M{of} x_hi + {terms}d_hi + radius,  radius = {wide}{noise}",
-               f"x_lo+ = M{of} x_lo + {terms}d_lo - radius, both cut to the range of x.{more}")
+    x = "x" if t.change is None else "z"
+    more = more.replace("bound of x", f"bound of {x}")
+    heading = (f"{x}_hi+ = M{of} {x}_hi + {terms}d_hi + radius,  radius = {wide}{noise}",
+               f"{x}_lo+ = M{of} {x}_lo + {terms}d_lo - radius, both cut to the range of {x}.{more}")
     middle = ("theta: mean of both ends of the step",) if vary.midpoint else ()
     blind = replace(blind, equation=("x_hi+ = pos(A) x_hi - neg(A) x_lo + B u + a_hi + radius,  radius = "
                                      "R max(-x_lo, x_hi) + S |u|",
@@ -112,14 +147,15 @@ def _varying(family: str, t, forward: MapSpec, blind: MapSpec, inputs: str) -> t
     middle += ("parameters and products; g: least where a parameter moved at its rate, scales a part of R and S",
                ) * bool(vary.paced)
     forward = replace(forward, equation=(*heading, *middle))
+    near = blind.state.operand
     signs = {"x_sign": _signs(t.x_lo, t.x_hi), "u_sign": _signs(t.u_lo, t.u_hi)}
     slopes = {"M": vary.M, "G": vary.G, "L": vary.L} | ({"R": vary.R_pace, "S": vary.S_pace} if vary.paced else {})
     paced = tuple((f"in->theta[{j}] - s->theta[{j}]", float(a), float(b))
                   for j, a, b in zip(vary.paced, vary.pace, vary.top)) if vary.paced else ()
-    return (Varying(forward, theta, slopes, t.flipped, vary.R, vary.S, vary.E, inputs, _gain_signs(t), **signs,
+    return (Varying(forward, theta, slopes, t.flipped, vary.R, vary.S, vary.E, inputs, near, _gain_signs(t), **signs,
                     products=vary.products, paced=paced),
             Varying(blind, (), {}, None, vary.Ra, vary.Sa, np.zeros_like(vary.E[:, :, :0]), inputs,
-                    np.zeros_like(vary.E[:, :, :0]), **signs))
+                    near, np.zeros_like(vary.E[:, :, :0]), **signs))
 
 
 def _signs(lo: Array, hi: Array) -> Array:
@@ -151,15 +187,20 @@ def _forward_equation(family: str, clamp: bool) -> tuple[str, ...]:
     return (f"x_hi+ = M x_hi + {terms}d_hi", f"x_lo+ = M x_lo + {terms}d_lo{cut[0]}")
 
 
-def state_fields(family: str, names: Names, s, n_bits: int, sizes: tuple[int, int, int, int]) -> StateLayout:
+def state_fields(family: str, names: Names, s, n_bits: int, sizes: tuple[int, int, int, int],
+                 z: tuple[str, ...] = ()) -> StateLayout:
     """Lay out the state: numbers first, then 32-bit words, so that no compiler pads it.
 
-    ``s`` is the Supervision, ``sizes`` are n_x, n_u, n_y and the number of measured parameters.
+    ``s`` is the Supervision, ``sizes`` are n_x, n_u, n_y and the number of measured parameters;
+    ``z`` says what z is, where there is a change of coordinates.
     """
     m, real, (n_x, n_u, n_y, n_theta) = names.macro, names.real_type, sizes
     numbers: list[Member] = [
         (real, "x_lo", f"[{m}_NX]", ("lower bounds of x; unit and order of x",)),
         (real, "x_hi", f"[{m}_NX]", ("upper bounds of x",))]
+    if z:
+        numbers += [(real, "z_lo", f"[{m}_NX]", ("lower bounds of z, from which those of x follow:", *z)),
+                    (real, "z_hi", f"[{m}_NX]", ("upper bounds of z",))]
     if family == "tnl":
         numbers += [(real, "u", f"[{m}_NU]", ("inputs of the last sample",))] * bool(n_u)
         numbers.append((real, "y", f"[{m}_NY]", ("measurements of the last measured sample",)))
@@ -193,7 +234,7 @@ def state_fields(family: str, names: Names, s, n_bits: int, sizes: tuple[int, in
         members.append(("uint32_t", "spare", "", ("always 0: fills the struct to a multiple of 8 bytes",)))
         clear.append("s->spare = 0U;")
         count += 1
-    size = 4 * count + REAL_BYTES[names.real] * (2 * n_x + len(kept))
+    size = 4 * count + REAL_BYTES[names.real] * ((4 if z else 2) * n_x + len(kept))
     return StateLayout(tuple(members), size, tuple(clear), has_mode)
 
 

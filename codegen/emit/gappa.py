@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..certify.containment import Containment
+from ..certify.containment import Containment, offset
 from ..certify.exact import Q, down, up
 from ..certify.rounding import input_error
 from ..certify.variation import pace_rounding
@@ -96,7 +96,7 @@ def rounding(design, d: DesignView) -> RoundingView:
     """
     t = design.observer.tables[d.real]
     names = Names(d.prefix, d.macro, d.real, tuple(m.name for m in d.modes), tuple(m.macro for m in d.modes))
-    specs = families.specs(design.observer.family, t, names, d.x, d.y)
+    specs = (*families.specs(design.observer.family, t, names, d.x, d.y), *families.change_specs(t, names, d.x))
     exact = Containment(design.plant.observed.modes, t)
     margins, rows, magnitudes = _margins(exact), [], {}
     for spec in specs:
@@ -116,7 +116,7 @@ def _margins(exact: Containment) -> dict[tuple[str, int, str], list[float]]:
     """What each offset leaves for rounding, rounded down to a double: (name, mode, side) -> one per row."""
     found = {}
     for name, q, side, demands in exact.offsets():
-        offsets = getattr(exact.t, f"{name}_{side}")[q]
+        offsets = offset(exact.t, name, side)[q]
         outward = [Q(o) if side == "hi" else -Q(o) for o in offsets]
         found[name, q, side] = [down(o - (demand.need - demand.computed)) for o, demand in zip(outward, demands)]
     return found

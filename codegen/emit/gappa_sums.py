@@ -136,8 +136,9 @@ def operands(spec: MapSpec | Varying, t) -> Iterator[tuple[str, str, str]]:
         for j, (a, b) in enumerate(zip(np.minimum(lo, 0.0), np.maximum(hi, 0.0))):
             yield variable(part.operand, j), a.hex(), b.hex()
     box = t.box.astype(float)
+    state = t.change.box.astype(float) if plain.state.operand == "s->z" else box
     for side in SIDES:
-        for j, b in enumerate(box):
+        for j, b in enumerate(state):
             yield variable(f"{plain.state.operand}_{side}", j), (-b).hex(), b.hex()
     if isinstance(spec, Varying):
         yield from _operands_varying(spec, t, box)

@@ -77,6 +77,8 @@ def harness(design, d: DesignView) -> HarnessView:
     # Zero is what init and reset store as u and y, until the first sample.
     numbers = {"x_lo": (-t.box, t.box), "x_hi": (-t.box, t.box),
                **{name: (np.minimum(lo, 0), np.maximum(hi, 0)) for name, lo, hi in vectors}}
+    if t.change is not None:
+        numbers |= {"z_lo": (-t.change.box, t.change.box), "z_hi": (-t.change.box, t.change.box)}
     words = {"mode": len(d.modes), "phase": 2, "bucket": s.dwell_limit, "too_fast": 1, "run": max(s.recover, 1) - 1,
              "hold": s.hold, "history": 2 ** s.debounce[1] - 1, "latched": 2 ** len(d.bits) - 1, "spare": 0}
     bits = len(d.bits)

@@ -130,6 +130,15 @@ def _bounds(plant, what: str, signals, vector: str) -> list[str]:
     return items
 
 
+def changed(tables, x: tuple[Channel, ...], real: str) -> tuple[str, ...]:
+    """Say what z is, one line per entry."""
+    def side(row) -> str:
+        parts = [f"{'-' if c < 0 else '+'} {literal(abs(float(c)), real).rstrip('F')} {s.name}"
+                 for c, s in zip(row, x) if c]
+        return " ".join(parts).removeprefix("+ ")
+    return tuple(line for i, row in enumerate(tables.change.Z) for line in paragraph(f"z[{i}] = {side(row)}"))
+
+
 def channels(signals, lo: Array, hi: Array, real: str, vector: str) -> tuple[Channel, ...]:
     """Describe the channels of a vector: name, the range that the C uses, unit."""
     out = []

@@ -46,6 +46,8 @@ class Varying:
         Radii of the state, the input, and the noise through the gain named "L".
     inputs : str
         C array of u.
+    near : str
+        Stem of the C arrays with the bounds of x that the radii are taken from.
     L_sign, x_sign, u_sign : ndarray (N, rows, n_y), (n_x,), (n_u,)
         1 or -1 where L, x or u keep that sign over the bounds of theta or their ranges, so that a magnitude needs no
         comparison; else 0.
@@ -63,6 +65,7 @@ class Varying:
     S: Array
     E: Array
     inputs: str
+    near: str
     L_sign: Array
     x_sign: Array
     u_sign: Array
@@ -171,6 +174,10 @@ def body(v: Varying, modes: Array, name: str) -> Straight:
     prologue = (f"const {spec.names.real_type} *const k = table[{spec.index}];",) if tables else ()
     found = _locals(p)
     rows = [*([Row("parameters of this step, magnitudes of x and u", found)] if found else []), *rows]
+    if spec.target_lo == f"{spec.state.operand}_lo":  # what is read must not be overwritten before the last row
+        stores = [s for row in rows for s in row.statements if s.target.startswith("s->")]
+        rows = [replace(row, statements=tuple(s for s in row.statements if s not in stores)) for row in rows]
+        rows.append(Row("the new bounds, now that no row reads the old ones any more", tuple(stores)))
     text = [f"{s.target} {' '.join(s.lines)}" for row in rows for s in row.statements]
     multiply, add = map(int, p.operations)
     return Straight(name, spec.equation, spec.parameters, unused(spec, [*text, *prologue]), tables, prologue,
@@ -208,8 +215,8 @@ def _row(p: Printer, i: int) -> list[Statement]:
 
 def _locals(p: Printer) -> tuple[Statement, ...]:
     """Declare the parameters and magnitudes that the rows use."""
-    spec, real = p.v.spec, p.v.spec.names.real_type
-    lo, hi = bounds(spec, "lo")
+    real = p.v.spec.names.real_type
+    lo, hi = f"{p.v.near}_lo", f"{p.v.near}_hi"
     texts = {f"th_{j}": text for j, text in enumerate(p.v.theta)}
     for i, (j, k) in enumerate(p.v.products, len(texts)):
         texts[f"th_{i}"] = f"th_{j} * th_{k}"

@@ -46,8 +46,11 @@ class RangeCheck:
 
 @dataclass(frozen=True)
 class Cut:
-    """The function that cuts both framers to the declared range: statements, or tables and a loop."""
+    """A function that cuts both framers of a vector to its range: statements, or tables and a loop."""
 
+    name: str
+    vector: str
+    what: str
     statements: tuple[str, ...]
     tables: tuple[Table, ...]
     counts: tuple[str, ...]
@@ -137,7 +140,7 @@ class DesignView:
     checks: tuple[RangeCheck, ...]
     check_input: tuple[str, ...]
     check_parameters: tuple[str, ...]
-    cut: Cut
+    cuts: tuple[Cut, ...]
     start: tuple[str, ...]
     whole_range: tuple[str, ...]
     clear: tuple[str, ...]
@@ -199,20 +202,24 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
     views = tuple((lay_out_varying if isinstance(spec, Varying) else lay_out)(spec, layout) for spec in specs)
     late = t.vary is not None and t.vary.late
     operated = views
+    changes = families.change_specs(t, names, x)
+    views = (*(lay_out(spec, layout) for spec in changes), *views)
     if late:
         views += tuple(lay_out_varying(spec, layout) for spec in families.late_specs(*specs[1:], names))
     checks = tuple(_range_check(names, vector, lo, hi, layout)
                    for vector, lo, hi in (("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi)) if len(lo))
     checks += (_parameter_check(names, t.vary.theta_lo, t.vary.theta_hi),) if theta else ()
-    fields = families.state_fields(design.observer.family, names, s, len(bits), (len(x), len(u), len(y), len(theta)))
+    fields = families.state_fields(design.observer.family, names, s, len(bits), (len(x), len(u), len(y), len(theta)),
+                                   manual.changed(t, x, real) if changes else ())
     state = tuple(Field(*f) for f in fields.members)
-    operations = _operations(design.observer.family, operated, t, len(u), len(y))
+    operations = _operations(design.observer.family, operated, views[:1] if changes else (), t, len(u), len(y))
     text = Manual(manual.banner(design, target.prefix, real, layout, version), manual.about(plant),
                   manual.proved(design, real), manual.assumed(design, t, s.monitors_dwell),
                   manual.alarm(s, target.prefix), manual.dwell(s), _resources(fields.size, operations))
     quiet = [*["(s->hold == 0U)"] * s.counts_hold, *["(s->latched == 0U)"] * s.latch,
              *["(s->too_fast == 0U)"] * s.monitors_dwell]
     modes = tuple(Channel(i, macro, name, "") for i, (macro, name) in enumerate(zip(names.mode_macros, names.modes)))
+    changed = (f"{names.prefix}_to_z(s);",) * bool(changes)
     return DesignView(
         prefix=names.prefix, macro=names.macro, real=real, c_type=C_TYPE[real], layout=layout,
         family=design.observer.family, version=version, zero=literal(0.0, real),
@@ -223,9 +230,9 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         out_fields=tuple(Field(*f) for f in families.out_fields(names)), state_fields=state,
         state_bytes=fields.size, operations=operations, maps=views, checks=checks,
         check_input=tuple(c.name for c in checks if c.vector == "u"),
-        check_parameters=tuple(c.name for c in checks if c.vector == "theta"), cut=_cut(names, t, layout),
-        start=_assign("s->x_lo", t.x0_lo, real) + _assign("s->x_hi", t.x0_hi, real),
-        whole_range=_assign("s->x_lo", t.x_lo, real) + _assign("s->x_hi", t.x_hi, real), clear=fields.clear,
+        check_parameters=tuple(c.name for c in checks if c.vector == "theta"), cuts=_cuts(names, t, layout),
+        start=_assign("s->x_lo", t.x0_lo, real) + _assign("s->x_hi", t.x0_hi, real) + changed,
+        whole_range=_assign("s->x_lo", t.x_lo, real) + _assign("s->x_hi", t.x_hi, real) + changed, clear=fields.clear,
         crossed=() if t.shared else (bits[-1].macro,), windows=_windows(s, names.prefix),
         plain=("alarm",) if s.debounce[1] == 1 else (), latch="s->latched | alarm" if s.latch else "alarm",
         recover=max(s.recover, 1), hold=(f"{s.hold}U",) if s.counts_hold else (),
@@ -331,13 +338,24 @@ def _parameter_check(names: Names, lo: Array, hi: Array) -> RangeCheck:
     return RangeCheck(name, "theta", what, (lines,), (), (), tables)
 
 
-def _cut(names: Names, t, layout: str) -> Cut:
+def _cuts(names: Names, t, layout: str) -> tuple[Cut, ...]:
+    """The range of x, and that of z where the coordinates are changed."""
+    sound = "Cut both framers to the declared range of x: sound as long as the state is in it."
+    x = _cut(names, f"{names.prefix}_cut", "x", sound, t.x_lo, t.x_hi, layout)
+    if t.change is None:
+        return (x,)
+    return (x, _cut(names, f"{names.prefix}_cut_z", "z", "Cut both framers to what z = Z x makes of the range of x.",
+                    t.change.z_lo, t.change.z_hi, layout))
+
+
+def _cut(names: Names, name: str, vector: str, what: str, lo: Array, hi: Array, layout: str) -> Cut:
     count = f"{names.macro}_NX"
     if layout == "loop":
-        tables = (_vector_table("least", count, t.x_lo, names.real), _vector_table("most", count, t.x_hi, names.real))
-        return Cut((), tables, (count,))
-    return Cut(tuple(f"{x}[{i}] = {names.prefix}_clip({x}[{i}], {literal(a, names.real)}, {literal(b, names.real)});"
-                     for i, (a, b) in enumerate(zip(t.x_lo, t.x_hi)) for x in ("x_lo", "x_hi")), (), ())
+        tables = (_vector_table("least", count, lo, names.real), _vector_table("most", count, hi, names.real))
+        return Cut(name, vector, what, (), tables, (count,))
+    lines = tuple(f"{side}[{i}] = {names.prefix}_clip({side}[{i}], {literal(a, names.real)}, {literal(b, names.real)});"
+                  for i, (a, b) in enumerate(zip(lo, hi)) for side in (f"{vector}_lo", f"{vector}_hi"))
+    return Cut(name, vector, what, lines, (), ())
 
 
 def _windows(s, prefix: str) -> tuple[Window, ...]:
@@ -353,13 +371,14 @@ def _windows(s, prefix: str) -> tuple[Window, ...]:
     return (Window(mask, f"{prefix}_ones(s->history[i]) >= {m}U", (f"{prefix}_ones",)),)
 
 
-def _operations(family: str, views: tuple[MapView, ...], t, n_u: int, n_y: int) -> Operations:
-    """Count the dearest step: residual bounds and the dearer way of moving the framers that a step takes."""
+def _operations(family: str, views: tuple[MapView, ...], more: tuple[MapView, ...], t, n_u: int,
+                n_y: int) -> Operations:
+    """Count the dearest step: residual bounds, the dearer way of moving the framers that a step takes, and ``more``."""
     residual, forward, blind = (np.array(v.operations) for v in views)
     moves = np.maximum(forward, blind) if family == "tnl" else forward
-    multiply, add = (int(n) for n in residual + moves)
-    n_x, cuts = len(t.x_lo), t.clamp or family == "tnl"
-    return Operations(multiply, add, 2 * n_u + 4 * n_y + (0 if t.shared else n_x) + (4 * n_x if cuts else 0))
+    multiply, add = (int(n) for n in residual + moves + sum(np.array(v.operations) for v in more))
+    n_x, cuts = len(t.x_lo), (t.clamp or family == "tnl") + len(more)
+    return Operations(multiply, add, 2 * n_u + 4 * n_y + (0 if t.shared else n_x) + 4 * n_x * cuts)
 
 
 def _resources(size: int, operations: Operations) -> tuple[str, ...]:

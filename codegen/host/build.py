@@ -24,13 +24,17 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
 
 @dataclass(frozen=True)
 class HostView:
-    """What the batch glue's template prints; ``inputs`` is the macro of n_u, or nothing without; so ``parameters``."""
+    """What the batch glue's template prints; ``inputs`` is the macro of n_u, or nothing without; so ``parameters``.
+
+    ``boxes`` are the vectors of which the state holds bounds.
+    """
 
     prefix: str
     macro: str
     c_type: str
     inputs: tuple[str, ...]
     parameters: tuple[str, ...]
+    boxes: tuple[str, ...]
 
 
 def build(folder: str | Path) -> Driver:
@@ -57,7 +61,8 @@ def build(folder: str | Path) -> Driver:
         raise ToolError(f"{folder / 'resources.json'}: cannot be read ({type(error).__name__}: {error}). "
                         "Make the folder with residua generate.") from error
     view = HostView(prefix, macro, c_type, (f"{macro}_NU",) if record["n_u"] else (),
-                    (f"{macro}_NTHETA",) if record["n_theta"] else ())
+                    (f"{macro}_NTHETA",) if record["n_theta"] else (),
+                    boxes(record))
     ffi = cffi.FFI()
     ffi.cdef(declarations(record))
     with tempfile.TemporaryDirectory(prefix="residua-") as scratch:
@@ -89,7 +94,8 @@ def declarations(record: dict) -> str:
                           for name, kind, count in record[struct])
         structs += f"typedef struct {{{members} }} {p}_{struct};\n"
     step = f"({p}_state *s, const {p}_in *in, {p}_out *out);\n"
-    arrays = (("const " + real, "u y theta"), ("const uint32_t", "q"), ("const " + real, "x0_lo x0_hi"),
+    first = " ".join(f"{x}0_lo {x}0_hi" for x in boxes(record))
+    arrays = (("const " + real, "u y theta"), ("const uint32_t", "q"), ("const " + real, first),
               (real, "x_lo x_hi r_lo r_hi"), ("unsigned char", "any_alarm"), ("uint32_t", "alarm latched raw"),
               ("unsigned char", "assured"), ("int64_t", "status"))
     arguments = ", ".join(f"{kind} *{name}" for kind, names in arrays for name in names.split())
@@ -98,4 +104,19 @@ def declarations(record: dict) -> str:
             f"void residua_run(size_t runs, size_t steps, {arguments});\n")
 
 
-VECTORS = frozenset({"x_lo", "x_hi", "r_lo", "r_hi", "u", "y", "theta", "history"})
+def boxes(record: dict) -> tuple[str, ...]:
+    """Name the vectors of which the state holds bounds.
+
+    Parameters
+    ----------
+    record : dict
+        Contents of ``resources.json``.
+
+    Returns
+    -------
+    tuple of str
+    """
+    return ("x", "z") if "change" in record else ("x",)
+
+
+VECTORS = frozenset({"x_lo", "x_hi", "z_lo", "z_hi", "r_lo", "r_hi", "u", "y", "theta", "history"})

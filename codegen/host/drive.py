@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..observers import Trace
+from ..observers import Coordinates, Trace
+from ..observers.framer import to_z
 from ..observers.interval import outward
 
 Array = np.ndarray
@@ -105,6 +106,7 @@ class Driver:
         q = array("q", q, (runs, steps), np.dtype(np.uint32), copy)
         boxes = [None if x0 is None else np.ascontiguousarray(np.broadcast_to(outward(x0, dtype, side), (runs, n_x)))
                  for x0, side in ((x0_lo, -np.inf), (x0_hi, np.inf))]
+        boxes += self._changed(boxes, runs, n_x)
         trace = Trace.empty((runs, steps), n_x, n_y, dtype)
         reads = [self._pointer(a) for a in (u, y, theta, q, *boxes)]
         writes = [self._pointer(a, write=True) for a in (
@@ -112,6 +114,16 @@ class Driver:
             trace.raw_bits, trace.assured, trace.status)]
         self.lib.residua_run(runs, steps, *reads, *writes)
         return trace
+
+    def _changed(self, boxes: list[Array | None], runs: int, n_x: int) -> list[Array | None]:
+        """The initial box of z = Z x that belongs to one of x, where the state holds bounds of z too."""
+        if "change" not in self.record:
+            return []
+        if boxes[0] is None and boxes[1] is None:
+            return [None, None]
+        ends = [np.broadcast_to(np.array(self.record["ranges"][name], self.real), (runs, n_x)) if box is None else box
+                for name, box in zip(("x0_lo", "x0_hi"), boxes)]
+        return [np.ascontiguousarray(z) for z in to_z(Coordinates.from_dict(self.record["change"], self.real), *ends)]
 
     def _measured(self, theta, runs: int, steps: int) -> Array:
         """Take the measured columns; none where the firmware reads no parameter."""

@@ -1,5 +1,6 @@
 """Run-time families: one recursion per file, the numpy step that the C must equal bit for bit."""
 
+from .coordinates import Coordinates
 from .framer import FramerTables, Variation
 from .interval import IntervalObserver
 from .supervisor import Supervision
@@ -8,4 +9,5 @@ from .trace import Trace
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver}
 
-__all__ = ["FAMILIES", "FramerTables", "IntervalObserver", "Supervision", "TnlObserver", "Trace", "Variation"]
+__all__ = ["FAMILIES", "Coordinates", "FramerTables", "IntervalObserver", "Supervision", "TnlObserver", "Trace",
+           "Variation"]

@@ -16,7 +16,8 @@ A table may multiply out products of parameters (``products``: further entries o
 shrink with how far a parameter moved over the step (``paced``: R + sum_j g_j R_pace_j with ``g = max(top - (change *
 pace)^2, 0)``).
 
-Such tables may have negative constants in M (method "component-interval"): each takes the opposite bound of x.
+Such tables may have negative constants in M (method "component-interval"): each takes the opposite bound of x. With
+``change`` beside them the recursion is that of z = Z x: M takes the bounds of z, the radii still those of x.
 
 Every function here repeats the C's operations in the C's order and precision: a sum starts with the
 input terms, then the outputs, then the offset, then the state; products are rounded before they are
@@ -30,6 +31,8 @@ from dataclasses import dataclass, field, fields
 from itertools import product
 
 import numpy as np
+
+from .coordinates import Coordinates
 
 Array = np.ndarray
 
@@ -164,6 +167,8 @@ class FramerTables:
         The framers are cut to the declared range after each update (where no invariant box exists).
     vary : Variation or None
         None: constant matrices per mode.
+    change : Coordinates or None
+        None: no change of coordinates. Else M, G, L, d, R, S are those of z = Z x, all others those of x.
     """
 
     real: str
@@ -196,6 +201,7 @@ class FramerTables:
     y_hi: Array
     clamp: bool
     vary: Variation | None = field(default=None, metadata={"type": Variation})
+    change: Coordinates | None = field(default=None, metadata={"type": Coordinates})
 
     @property
     def flipped(self) -> Array:
@@ -225,8 +231,8 @@ class FramerTables:
         out = {}
         for f in fields(self):
             value = getattr(self, f.name)
-            if f.name == "vary":
-                out |= {} if value is None else {"vary": value.to_dict()}
+            if f.name in ("vary", "change"):
+                out |= {} if value is None else {f.name: value.to_dict()}
                 continue
             out[f.name] = value.astype(np.float64).tolist() if isinstance(value, np.ndarray) else value
         return out
@@ -244,7 +250,8 @@ class FramerTables:
         dtype = np.dtype(data["real"])
         arrays = {k: np.array(data[k], dtype=np.float64).reshape(s).astype(dtype) for k, s in shapes.items()}
         vary = Variation.from_dict(data["vary"], sizes, data["real"]) if "vary" in data else None
-        return cls(real=data["real"], clamp=bool(data["clamp"]), vary=vary, **arrays)
+        change = Coordinates.from_dict(data["change"], data["real"]) if "change" in data else None
+        return cls(real=data["real"], clamp=bool(data["clamp"]), vary=vary, change=change, **arrays)
 
 
 def add_terms(total: Array, matrix: Array, vector: Array) -> Array:
@@ -268,7 +275,7 @@ def scheduled(base: Array, slopes: Array, theta: Array) -> Array:
 
 
 def propagate(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: Array, y_next: Array,
-              theta: Array | None = None, change: Array | None = None):
+              theta: Array | None = None, z: tuple[Array, Array] | None = None, change: Array | None = None):
     """One step of both framers from sample k to k+1 with the mode q of sample k.
 
     Parameters
@@ -280,18 +287,21 @@ def propagate(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: 
         y at k, and y at k+1 (multiplied by N; pass zeros for the classical observer).
     theta : ndarray (S, J)
         Measured parameters of the step; (S, 0) or nothing where the tables are constant.
+    z : (ndarray (S, n_x), ndarray (S, n_x))
+        Both framers of z, where the tables change coordinates; those of the next sample are returned.
     change : ndarray (S, J)
-        Their change over the step, where the tables are paced.
+        Change of theta over the step, where the tables are paced.
 
     Returns
     -------
     lo, hi : ndarray (S, n_x)
     """
     zero = np.zeros_like(x_lo)
+    lo, hi = (x_lo, x_hi) if z is None else z
     sides = []
     with_products = theta if t.vary is None else t.vary.multiplied(theta)
-    for M, G, L, N, d, own, other in ((t.M_lo, t.G_lo, t.L_lo, t.N_lo, t.d_lo, x_lo, x_hi),
-                                      (t.M_hi, t.G_hi, t.L_hi, t.N_hi, t.d_hi, x_hi, x_lo)):
+    for M, G, L, N, d, own, other in ((t.M_lo, t.G_lo, t.L_lo, t.N_lo, t.d_lo, lo, hi),
+                                      (t.M_hi, t.G_hi, t.L_hi, t.N_hi, t.d_hi, hi, lo)):
         M, G, L = M[q], G[q], L[q]
         if t.vary is not None:
             M, G = (scheduled(a, b[q], with_products) for a, b in ((M, t.vary.M), (G, t.vary.G)))
@@ -310,7 +320,23 @@ def propagate(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array, y: 
         for j in range(L.shape[2]):
             apart = apart + np.abs(L[:, :, j]) * t.vary.E[q][:, :, j]
         lo, hi = lo - apart, hi + apart
+    if z is not None:
+        return cut(t.change, lo, hi, "z")
     return cut(t, lo, hi) if t.clamp else (lo, hi)
+
+
+def to_z(c: Coordinates, x_lo: Array, x_hi: Array):
+    """Return both framers of z = Z x for those of x (S, n_x)."""
+    Z = np.broadcast_to(c.Z, (len(x_lo), *c.Z.shape))
+    zero = np.zeros_like(x_lo)
+    return cut(c, add_signed_terms(zero + c.e_lo, Z, x_hi, x_lo), add_signed_terms(zero + c.e_hi, Z, x_lo, x_hi), "z")
+
+
+def to_x(t: FramerTables, z_lo: Array, z_hi: Array):
+    """Return both framers of x for those of z (S, n_x), cut to the declared range."""
+    c, zero = t.change, np.zeros_like(z_lo)
+    X = np.broadcast_to(c.X, (len(z_lo), *c.X.shape))
+    return cut(t, add_signed_terms(zero + c.b_lo, X, z_hi, z_lo), add_signed_terms(zero + c.b_hi, X, z_lo, z_hi))
 
 
 def spread(R: Array, S: Array, x_lo: Array, x_hi: Array, u: Array) -> Array:
@@ -348,11 +374,13 @@ def open_loop(t: FramerTables, q: Array, x_lo: Array, x_hi: Array, u: Array):
     return cut(t, lo, hi)
 
 
-def cut(t: FramerTables, lo: Array, hi: Array):
-    """Cut both framers to the declared range (sound as long as the state is in it)."""
+def cut(t, lo: Array, hi: Array, of: str = "x"):
+    """Cut both framers to the declared range (sound as long as the state is in it), of x or of z."""
+    least, most = getattr(t, f"{of}_lo"), getattr(t, f"{of}_hi")
+
     def clip(x):
-        x = np.where(x < t.x_lo, t.x_lo, x)
-        return np.where(x > t.x_hi, t.x_hi, x)
+        x = np.where(x < least, least, x)
+        return np.where(x > most, most, x)
     return clip(lo), clip(hi)
 
 

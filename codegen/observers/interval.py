@@ -6,14 +6,16 @@ At sample k, from the framers predicted for it::
     2  x+ = M x + G u + L y + d                   framers for sample k+1, M = A - L C >= 0
 
 Source: Zammali (2020), Theorem 13, (5.2), with the noise signs of asymmetric bounds corrected (see
-``synthesis``). The state of the firmware is the pair of framers and the supervisor's counters.
+``synthesis``). The state of the firmware is the pair of framers and the supervisor's counters. With a change of
+coordinates z = Z x (Lamouchi (2016), section 4) it holds the framers of z too: step 2 moves these, those of x follow
+from them; after init, a reset, a restart and a prediction it is the other way round.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from .framer import FramerTables, open_loop, propagate, residuals
+from .framer import FramerTables, open_loop, propagate, residuals, to_x, to_z
 from .supervisor import (
     BAD_INPUT,
     BAD_MODE,
@@ -58,6 +60,8 @@ class IntervalObserver:
         self.lo = np.broadcast_to(lo, (runs, len(t.box))).astype(t.dtype)
         self.hi = np.broadcast_to(hi, (runs, len(t.box))).astype(t.dtype)
         self.guard = SupervisorState(runs, n_bits, t.M_hi.shape[0])
+        if t.change is not None:
+            self.z = to_z(t.change, self.lo, self.hi)
 
     def _arrive(self, t, measured, y, theta, q):
         """Framers at this sample, per run with or without a measurement."""
@@ -65,10 +69,16 @@ class IntervalObserver:
 
     def _leave(self, t, on, measured, again, lo, hi, u, y, q, theta):
         """Store what the next sample needs, for the runs in ``on``."""
-        next_lo, next_hi = propagate(t, q, lo, hi, u, y, np.zeros_like(y), theta)
+        z = None if t.change is None else self.z
+        after = propagate(t, q, lo, hi, u, y, np.zeros_like(y), theta, z=z)
+        next_lo, next_hi = after if z is None else to_x(t, *after)
         blind_lo, blind_hi = open_loop(t, q, lo, hi, u)
         self._keep(t, on, again, np.where(measured[:, None], next_lo, blind_lo),
                    np.where(measured[:, None], next_hi, blind_hi))
+        if z is not None:
+            moved, on = (measured & ~again)[:, None], on[:, None]
+            self.z = tuple(np.where(on, np.where(moved, a, b), old)
+                           for a, b, old in zip(after, to_z(t.change, self.lo, self.hi), z))
 
     def _keep(self, t, on, again, lo, hi):
         lo, hi = np.where(again[:, None], t.x_lo, lo), np.where(again[:, None], t.x_hi, hi)
@@ -98,10 +108,12 @@ class IntervalObserver:
 
     def reset(self, t: FramerTables, on: Array) -> None:
         """Restart the runs in ``on`` from the declared ranges, alarms cleared (``<p>_reset``)."""
-        old_lo, old_hi, old = self.lo, self.hi, self.guard
+        old_lo, old_hi, old, old_z = self.lo, self.hi, self.guard, getattr(self, "z", ())
         self._fill(t, len(on), t.x_lo, t.x_hi)
         self.lo = np.where(on[:, None], self.lo, old_lo)
         self.hi = np.where(on[:, None], self.hi, old_hi)
+        if old_z:
+            self.z = tuple(np.where(on[:, None], new, old) for new, old in zip(self.z, old_z))
         for name, value in vars(old).items():
             fresh = getattr(self.guard, name)
             mask = on if value.ndim == 1 else on[:, None]

@@ -48,7 +48,8 @@ class TnlObserver(IntervalObserver):
         step = self.theta
         if t.vary is not None and t.vary.midpoint:
             step = (self.theta + theta) * t.dtype.type(0.5)
-        corrected = propagate(t, p, self.lo, self.hi, self.u, self.y, y, step, theta - self.theta)
+        corrected = propagate(t, p, self.lo, self.hi, self.u, self.y, y, step,
+                              change=theta - self.theta)
         blind = open_loop(t, p, self.lo, self.hi, self.u)
         full = ((self.phase == FULL) & measured)[:, None]
         return tuple(np.where(full, c, b) for c, b in zip(corrected, blind))

@@ -102,6 +102,7 @@ def _varying(design, real: str) -> str:
         return ""
     parts = ["constants affine in the measured parameters"] * bool(vary.parameters)
     parts += ["radii for what is only bounded"] * bool(np.any(vary.R) or np.any(vary.S))
+    parts += ["bounds of z = Z x, of which those of x are made"] * (design.observer.tables[real].change is not None)
     parts += ["each entry of T A − L C on the bound that its sign asks for"] * design.observer.tables[real].signed
     return f", with {words.listed(parts)}" if parts else ""
 

@@ -94,31 +94,47 @@ def gains(design, real: str) -> tuple[Folded, ...]:
     t, plant = design.observer.tables[real], design.plant
     x, u, y = ([s.name for s in getattr(plant, vector)] for vector in "xuy")
     sides = ("hi",) if t.shared else ("hi", "lo")
+    rows = x if t.change is None else [f"z[{i}]" for i in range(len(x))]  # of the state of the recursion
+    meanings = ("T A − L C", "T B − L D") if t.change is None else ("Z A X − L C X", "Z B − L D")
     folds = []
     for q, mode in enumerate(plant.modes):
         tables = []
         base = " at theta = 0" if t.vary is not None and t.vary.parameters else ""
         for side in sides:
             of = "" if t.shared else " of the upper framer" if side == "hi" else " of the lower framer"
-            for name, meaning, columns in (("M", "T A − L C", x), ("G", "T B − L D", u), ("L", "gain on y", y),
+            for name, meaning, columns in (("M", meanings[0], rows), ("G", meanings[1], u), ("L", "gain on y", y),
                                            ("N", "gain on the next y", y)):
                 matrix = getattr(t, f"{name}_{side}")[q]
                 if np.any(matrix):
-                    tables.append(_matrix(f"{name} = {meaning}{of}{base if name != 'N' else ''}", x, columns, matrix))
-        tables += _varying(t.vary, q, plant, x, u, y)
-        tables.append(_matrix("Offsets of the framers", x, ["d_lo", "d_hi"], np.stack([t.d_lo[q], t.d_hi[q]], axis=1)))
+                    tables.append(_matrix(f"{name} = {meaning}{of}{base if name != 'N' else ''}", rows, columns,
+                                          matrix))
+        tables += _varying(t.vary, q, plant, rows, u, y)
+        tables.append(_matrix("Offsets of the framers", rows, ["d_lo", "d_hi"],
+                              np.stack([t.d_lo[q], t.d_hi[q]], axis=1)))
+        tables += _coordinates(t.change, x, rows)
         tables.append(_matrix("C, and offsets of the residual", y, [*x, "c_lo", "c_hi"],
                               np.column_stack([t.C[q], t.c_lo[q], t.c_hi[q]])))
         folds.append(Folded(f"Mode {q}, “{mode.name}”", tuple(tables)))
     return tuple(folds)
 
 
-def _varying(vary, q: int, plant, x: list[str], u: list[str], y: list[str]) -> list[Table]:
+def _coordinates(change, x: list[str], z: list[str]) -> list[Table]:
+    """The maps from x to z and back; none without a change of coordinates."""
+    if change is None:
+        return []
+    c = change
+    return [_matrix("z = Z x, offsets of its bounds, and its range", z, [*x, "e_lo", "e_hi", "from", "to"],
+                    np.column_stack([c.Z, c.e_lo, c.e_hi, c.z_lo, c.z_hi])),
+            _matrix("x = X z, offsets of its bounds", x, [*z, "b_lo", "b_hi"], np.column_stack([c.X, c.b_lo, c.b_hi]))]
+
+
+def _varying(vary, q: int, plant, rows: list[str], u: list[str], y: list[str]) -> list[Table]:
     """Slopes in the measured parameters, and the radii by which both bounds move apart."""
     if vary is None:
         return []
+    x = [s.name for s in plant.x]
     measured = [plant.theta[j].name for j in vary.columns]
-    tables = [_matrix(f"Slope of {name} in {theta}", x, columns, getattr(vary, name)[q][j])
+    tables = [_matrix(f"Slope of {name} in {theta}", rows, columns, getattr(vary, name)[q][j])
               for j, theta in enumerate(measured) for name, columns in (("M", x), ("G", u), ("L", y))
               if np.any(getattr(vary, name)[q][j])]
     for what, parts in (("Radii of a step: both bounds move apart by R max(−x_lo, x_hi) + S |u|"
@@ -127,7 +143,8 @@ def _varying(vary, q: int, plant, x: list[str], u: list[str], y: list[str]) -> l
         found = [(name, columns, getattr(vary, name)[q]) for name, columns in parts if np.any(getattr(vary, name)[q])]
         if found:
             head = [f"{name}, {column}" for name, columns, _ in found for column in columns]
-            tables.append(_matrix(what, x, head, np.hstack([values for *_, values in found])))
+            tables.append(_matrix(what, x if parts[0][0] == "Ra" else rows, head,
+                                  np.hstack([values for *_, values in found])))
     return tables
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..plant.detector import fault_parameters
 from ..plant.model import Plant, Signal
 from . import words
 from .table import Fact, Table, table
@@ -103,13 +104,25 @@ def assumed(plant: Plant) -> tuple[str, ...]:
     return tuple(items)
 
 
+def detector_words(plant: Plant) -> str:
+    """Say which second observer sees the component faults that this one bears; empty where none may be."""
+    faults = fault_parameters(plant)
+    if not faults:
+        return ""
+    verb = "stands" if len(faults) == 1 else "stand"
+    return (f" Where {words.listed(faults)} {verb} for faults, a second observer sees what this one bears: that of the "
+            "plant with these bounds at zero, codegen.plant.detector.detector(plant). Run both, "
+            "this one for the bounds and the other for the alarm.")
+
+
 def not_guaranteed(plant: Plant) -> tuple[str, ...]:
     """State what parameters and sampling leave open."""
     items = []
     if any(not s.measured for s in plant.theta):
         names = words.listed(s.name for s in plant.theta if not s.measured)
         items.append(f"That a change of {names} is noticed: the observer is made to bear every one within the bounds. "
-                     "Nothing watches these bounds: outside them there is no guarantee, and “assured” may stay.")
+                     "Nothing watches these bounds: outside them there is no guarantee, and “assured” may stay."
+                     + detector_words(plant))
     if any(s.measured for s in plant.theta):
         rates = plant.kind == "continuous" and any(np.isfinite(s.rate) for s in plant.theta if s.measured)
         items.append("Anything while a measured parameter is off by more than its error"

@@ -20,8 +20,8 @@ OPTIONS = {
     "criterion": ("linf", "width", "detection"), "lyapunov": ("common", "multiple"), "lambda": (0.0, 1.0),
     "contraction": (0.0, 1.0), "sampling": ("euler", "second-order", "exponential"),
     "interpolation": ("linear", "quadratic"), "design": ("sampled", "continuous"), "decay": (0.0, 1e9),
-    "metzler": (0.0, 1e12),
-    "gain_cap": (0.0, 1e6), "evaluations": (1, 100000), "within": (0, 50), "gains": dict,
+    "metzler": (0.0, 1e12), "coordinates": ("none", "change"), "gain_cap": (0.0, 1e6), "evaluations": (1, 100000),
+    "within": (0, 50), "gains": dict,
 }
 
 

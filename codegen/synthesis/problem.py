@@ -144,6 +144,8 @@ class Candidate:
         As ``certify.claims.prove`` expects it.
     L_theta : ndarray (N, J, n_x, n_y) or None
         Slopes of L in the measured parameters; None for a plant with constant matrices.
+    R : ndarray (n_x, n_x) or None
+        Change of coordinates z = R x; None without.
     """
 
     label: str
@@ -151,6 +153,7 @@ class Candidate:
     N: Array
     proof: dict
     L_theta: Array | None = None
+    R: Array | None = None
 
 
 def tidy(gain: Array) -> Array:

@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers.varying import HEATER, HELD, heater_design
+from helpers.varying import HEATER, HELD, changed_design, heater_design
 
 import codegen
 from codegen.assurance import document
@@ -30,6 +30,7 @@ DESIGNS = {  # both families, one and two parameters, the mean of both ends, opp
     "start": lambda: heater_design(HEATER, "tnl-interval-lpv"),
     "two": lambda: codegen.design(load("zammali_lpv_dt"), "lpv-interval"),
     "signed": lambda: codegen.design(load("lamouchi"), "component-interval"),
+    "changed": changed_design,
     "late": lambda: heater_design(LATE, "tnl-interval-lpv"),
     "negative": lambda: heater_design(NOISE, "tnl-interval-lpv", criterion="linf"),
 }
@@ -181,10 +182,10 @@ def test_claims_name_parameters_sampling_and_signs(name):
         assert [c.text for c in found.values()][:len(design.proved[real])] == design.proved[real]
         assert ("signs" in found) == (name == "signed") and ("nonnegative" in found) == (name != "signed")
         assert ("sampling" in found) == (design.plant.kind == "continuous")
-        assert ("parameters" in found) == bool(design.plant.theta and name != "signed")
+        assert ("parameters" in found) == bool(design.plant.theta and name not in ("signed", "changed"))
         first = found["signs" if name == "signed" else "nonnegative"]
         assert {"signals.theta", "M_theta"} <= {*first.plant, *first.constants}
-        assert ("theta" in first.text) == (name != "signed")
+        assert ("theta" in first.text) == (name not in ("signed", "changed"))
         assert ("time.sample_period" in found["containment"].plant) == (design.plant.kind == "continuous")
         for c in found.values():
             module, _, function = c.code.rpartition(".")
@@ -198,6 +199,12 @@ def vary(name, index, factor):
         values[index] *= factor
         return replace(t, vary=replace(t.vary, **{name: values}))
     return change
+
+
+def change(name, factor):
+    def act(t):
+        return replace(t, change=replace(t.change, **{name: getattr(t.change, name) * np.float32(factor)}))
+    return act
 
 
 def table(name, index, factor):
@@ -216,6 +223,10 @@ def table(name, index, factor):
     ("interval", vary("theta_hi", (0, 0), 0.99), "parameters: accepted theta"),
     ("signed", vary("R", (0, 0, 0), 0.5), "containment: offset d"),
     ("signed", table("d_hi", (0, 0), 0.9), "containment: offset d"),
+    ("changed", change("e_hi", 0.5), "containment: offset e"),
+    ("changed", change("b_lo", 0.5), "containment: offset b"),
+    ("changed", change("X", 1.001), "containment: offset b"),
+    ("changed", change("z_hi", 0.999), "bounded: range of z"),
     ("late", table("a_lo", (0, 0), 0.9), "containment: offset a"),
 ])
 def test_margins_refuse_what_does_not_hold(design, change, claim):

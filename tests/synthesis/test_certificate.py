@@ -11,6 +11,7 @@ from exact import GALLERY
 
 from codegen.certify import claims
 from codegen.certify.claims import check, check_monitor, check_ranges, prove
+from codegen.certify.exact import inverse, rational
 from codegen.certify.freeze import with_offsets
 from codegen.designs import read_design, recheck
 from codegen.errors import CertificateError, ResiduaError
@@ -288,6 +289,16 @@ def jump(design):
     return with_cert(rho=float(np.sqrt(cert["rho"])))(design)
 
 
+def other_coordinates(cert=None, **changes):
+    """Parts of the change of coordinates, or of its certificate, scaled."""
+    def act(design):
+        t = design.observer.tables["float32"]
+        change = replace(t.change, **{k: getattr(t.change, k) * np.float32(v) for k, v in changes.items()})
+        return check(design.plant.observed.modes, replace(t, change=change),
+                     {**design.certificate["float32"], **(cert or {})})
+    return act
+
+
 MESSAGES = [
     (r"no level mu satisfies the Lyapunov inequality", "linf", prove_linf(lam=0.97)),
     (r"no box holds the framer errors of all modes", "linf", box_refusal),
@@ -316,6 +327,11 @@ MESSAGES = [
     (r"p' M <= \(1 - a\) p' fails in mode \"1\", state \d, by", "width", with_cert(a=0.5)),
     (r"the error box is left in mode \"1\" at state \d by", "zammali_fd interval",
      with_cert(steady_box={"hi": [1e-3] * 3, "lo": [1e-3] * 3})),
+    (r"the range of z does not contain what Z makes of", "lamouchi_coordinates component-interval",
+     other_coordinates(z_hi=0.999)),
+    (r"the widths of x are less than what the box of z", "lamouchi_coordinates component-interval",
+     other_coordinates({"x_width": [1.0, 1.0]})),
+    (r"the change of coordinates has no inverse", "linf", lambda d: inverse(rational(np.ones((2, 2))))),
     (r"a constant is nan \(found\), expected a finite number", "linf", with_table(lambda t: {"C": t.C * np.nan})),
 ]
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.varying import HEATER, HELD, heater_design
+from helpers.varying import HEATER, HELD, changed_design, heater_design
 from scipy.linalg import expm
 
 import codegen
@@ -23,7 +23,7 @@ from codegen.emit.package import generate
 from codegen.plant.load import load
 
 CERTIFY = Path(__file__).resolve().parents[2] / "codegen" / "certify"
-FILES = ("independent_lpv.py", "independent_step.py")
+FILES = ("independent_lpv.py", "independent_mode.py", "independent_step.py")
 LATE = HELD.replace("[initial]", "[switching]\nlate = true\n[initial]")
 NOISE = HEATER.replace('bounds = [-0.1, 0.1] }]\nf', 'bounds = [0.05, 0.3] }]\nf')  # that never vanishes
 CONSTANT = HEATER[:HEATER.index("theta = [")] + HEATER[HEATER.index("[initial]"):].replace("0.2*flow", "0.2").replace(
@@ -38,6 +38,7 @@ DESIGNS = {
     "euler": lambda: heater_design(HEATER, "lpv-interval", sampling="euler"),
     "discrete": lambda: codegen.design(load("zammali_lpv_dt"), "lpv-interval"),
     "signed": lambda: codegen.design(load("lamouchi"), "component-interval"),
+    "changed": changed_design,
 }
 
 
@@ -66,7 +67,7 @@ def test_is_short_and_uses_the_standard_library_only(name):
     assert len(text.splitlines()) < 250
     names = {a.name.split(".")[0] for n in ast.walk(ast.parse(text)) if isinstance(n, ast.Import) for a in n.names}
     names |= {n.module.split(".")[0] for n in ast.walk(ast.parse(text)) if isinstance(n, ast.ImportFrom)}
-    assert names <= {*sys.stdlib_module_names, "independent", "independent_step"}
+    assert names <= {*sys.stdlib_module_names, "independent", "independent_mode", "independent_step"}
 
 
 @pytest.mark.parametrize("name", DESIGNS)
@@ -74,7 +75,7 @@ def test_proves_every_kind_of_design(name, made):
     done = run(made(name))
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("proved for float") == 2 and "constants of" in done.stdout
-    assert ("of the continuous plant" in done.stdout) == (name not in ("discrete", "signed"))
+    assert ("of the continuous plant" in done.stdout) == (name not in ("discrete", "signed", "changed"))
 
 
 def test_the_command_that_the_assurance_file_names_runs(made):
@@ -139,6 +140,16 @@ FALSE = {
     "output offset": ("held", scaled("c_hi", factor=1 - 1e-3), "offset c_hi"),
     "gain": ("signed", scaled("L_lo", factor=1.001), "equal gains"),
     "radius, unmeasured": ("signed", scaled("vary", "R", factor=0.9), "offset d_"),
+    "coordinates": ("changed", scaled("change", "Z", factor=1.001), "offset d_"),
+    "way back": ("changed", scaled("change", "X", factor=1.001), "offset b_"),
+    "rounding to z": ("changed", scaled("change", "e_hi", factor=0.5), "offset e_hi"),
+    "rounding to x": ("changed", scaled("change", "b_lo", factor=0.5), "offset b_lo"),
+    "range of z": ("changed", scaled("change", "z_hi", factor=0.999), "range of z"),
+    "box of z": ("changed", scaled("change", "box", factor=0.5), "range of z"),
+    "M of z": ("changed", scaled("M_hi", factor=1.001), "equal gains"),
+    "radius of z": ("changed", scaled("vary", "R", factor=0.9), "offset d_"),
+    "ultimate box of z": ("changed", claimed(("steady_box", "width", 0), 0.99), "ultimate box width"),
+    "widths of x": ("changed", claimed(("x_width", 1), 0.999), "ultimate width of x[1]"),
     "both ends": ("heater", midpoint, "mean of both ends"),
     "sample period": ("heater", text("sample_period = 0.02", "sample_period = 0.0201"), "lacks"),
     "shorter sample period": ("held", text("sample_period = 0.02", "sample_period = 0.0199"), "lacks"),

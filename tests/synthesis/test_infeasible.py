@@ -99,8 +99,8 @@ CASES = {
         "tnl-interval-lpv, component-interval."),
     "unknown option": (
         GOOD, "interval", {"lamda": 0.5},
-        "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, "
-        "lambda, contraction, sampling, gain_cap, evaluations, within, gains). Remove it or correct its name."),
+        "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, lambda, contraction, "
+        "sampling, coordinates, gain_cap, evaluations, within, gains). Remove it or correct its name."),
     "criterion": (
         GOOD, "interval", {"criterion": "best"},
         "base: observer.criterion is 'best', "

@@ -5,20 +5,29 @@
 * The printed L = [0.3; 0.6] itself is what policy iteration finds, without coordinates.
 * The widths of the dossier for the scheme by signs with tight products, (0.83, 0.54) after the fault and (0.33, 0.28)
   of the detector, are reached: (0.80, 0.52) and (0.31, 0.27).
+* So are those of the best coordinates, radius .792 of the comparison matrix and widths (1.00, 1.43): (0.96, 1.41).
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from codegen.algebra.interval import neg, pos
+from codegen.designs import read_design
+from codegen.errors import DesignError, PlantError
+from codegen.plant.detector import detector as detector_of
+from codegen.plant.detector import fault_parameters
 from codegen.plant.load import load
 from codegen.plant.simulate import simulate
 from codegen.select import choose
+from codegen.synthesis import coordinates
 from codegen.synthesis.policy import iterate
 from codegen.synthesis.problem import Problem
 
 PLANT, DETECTOR = load("lamouchi"), load("lamouchi_detector")
+GENERATED = Path(__file__).resolve().parents[2] / "generated"
 A0, C = np.array([[0.3, -0.7], [0.6, -0.5]]), np.array([[1.0, 0.0]])
 L = np.array([[0.3], [0.6]])
 S = np.array([[0.609, 0.814], [-1.162, 0.581]])
@@ -94,6 +103,62 @@ def test_stays_right_through_the_worst_component_faults(design):
         mean_width(design, "corner", 20, seed)
 
 
+# -- other coordinates -----------------------------------------------------------------------------
+def changed(**gains):
+    return choose(PLANT, PLANT.method, {"coordinates": "change", **gains}, lambda text: None)
+
+
+def printed_problem():
+    """The plant with A at its printed A0; the tables have eta at its middle."""
+    return replace(Problem.of(PLANT, False, split=True), A=A0[None])
+
+
+def test_printed_example_is_refused_with_its_reason():
+    words = r"negative entry -0\.48\d at row 2, column 2 in mode \"only\", expected >= 0"
+    with pytest.raises(DesignError, match=words) as caught:
+        changed(gains={"R": np.linalg.inv(S).tolist(), "L": [L.tolist()]})
+    assert 'Use coordinates = "none"' in str(caught.value) and "keep R and take L = [[-0." in str(caught.value)
+    with pytest.raises(DesignError, match=r"negative entry -0\.5\d* at row 2, column 2"):
+        coordinates.check_given(printed_problem(), np.linalg.inv(S), L[None])
+
+
+def test_offered_gain_is_a_design():
+    """The gain of the message mends the plant; the one of the dossier, with the printed A0, does so too."""
+    R = np.linalg.inv(S)
+    offered = coordinates.repaired(Problem.of(PLANT, False, split=True).A[0], C, R)
+    design = changed(gains={"R": R.tolist(), "L": [offered.tolist()]})
+    assert np.all(design.observer.tables["float32"].M_hi >= 0)
+    coordinates.check_given(printed_problem(), R, np.array([[[-0.22], [0.24]]]))
+    E = R @ (A0 - np.array([[-0.22], [0.24]]) @ C) @ S
+    assert np.allclose(E, [[0.004, 0.006], [1.385, 0.016]], atol=6e-3)
+
+
+def test_search_finds_the_best_coordinates():
+    problem = printed_problem()
+    R, gain = coordinates.search(problem)
+    assert gain[:, 0] == pytest.approx([-0.2, 0.243], abs=5e-4)
+    back = np.linalg.inv(R)
+    E = R @ (A0 - gain @ C) @ back
+    assert E.min() > -1e-12 and max(abs(np.linalg.eigvals(E))) < 1e-6
+    F = R @ gain
+    assert np.allclose(R @ A0 - E @ R, F @ C, atol=1e-9)
+    # R [dA] S with the sign parts of S on the right, where the print has them on the left.
+    lo, hi = np.array([[-0.12, -0.01], [0.008, -0.1]]), np.array([[0.12, 0.06], [0.012, 0.1]])
+    left, right = pos(R) @ lo - neg(R) @ hi, pos(R) @ hi - neg(R) @ lo
+    left, right = left @ pos(back) - right @ neg(back), right @ pos(back) - left @ neg(back)
+    assert max(abs(np.linalg.eigvals(E + abs(left) + abs(right)))) == pytest.approx(0.792, abs=5e-4)
+
+
+def test_width_in_other_coordinates(design):
+    """What the dossier measured with the uncertainty bounded in x and mapped; without coordinates it is less still."""
+    made = read_design(GENERATED / "lamouchi_coordinates_component-interval")
+    width = mean_width(made, "component fault", 200)
+    assert np.all(width <= [1.00, 1.43]) and width == pytest.approx([0.96, 1.41], abs=0.02)
+    assert np.all(mean_width(design, "component fault", 200) < width)
+    proved = [d.certificate["float64"] for d in (design, made)]
+    assert np.all(np.array(proved[0]["steady_box"]["width"]) < proved[1]["x_width"])
+
+
 # -- the detector copy -----------------------------------------------------------------------------
 def test_detector_is_narrow_and_quiet(detector):
     assert np.all(mean_width(detector, "no fault", 20) <= [0.33, 0.28])
@@ -117,3 +182,28 @@ def test_detector_sees_the_component_fault(detector, rho, found):
         assert not raw[:200].any()
         counts.append(int(raw.sum()))
     assert found - 2 < np.mean(counts) < found + 2
+
+
+def test_a_copy_without_the_faults_is_the_detector(detector):
+    assert fault_parameters(PLANT) == ("eta_rho1", "rho1", "eta_rho2")
+    copy = detector_of(PLANT)
+    assert copy.name == "lamouchi_detector" and [s.theta for s in copy.scenarios] == [
+        ("0.05 + 0.01*sin(k)", "0", "0", "0"), "corner"]
+    made = choose(copy, copy.method, copy.options, lambda text: None)
+    ours, gallery = (d.observer.tables["float32"] for d in (made, detector))
+    assert all(np.array_equal(getattr(ours, k), getattr(gallery, k)) for k in ("M_hi", "L_hi", "d_hi", "d_lo"))
+    run = simulate(PLANT, "component fault", seed=1)
+    raw = made.observer.run(u=run.u, y=run.y).raw_bits != 0
+    assert raw[200:].any() and not raw[:200].any()
+
+
+def test_only_some_of_the_faults_at_zero():
+    limits = {s.name: (s.lo, s.hi) for s in detector_of(PLANT, ["rho1"]).theta}
+    assert limits["rho1"] == (0, 0) and limits["eta_rho1"] == (-0.06, 0.06) and limits["eta"] == (0.04, 0.06)
+
+
+def test_what_is_no_fault_is_refused():
+    with pytest.raises(PlantError, match=r"'eta' cannot stand for a fault \(expected one of eta_rho1, rho1, eta_rho2"):
+        detector_of(PLANT, ["eta"])
+    with pytest.raises(PlantError, match="no parameter can stand for a fault"):
+        detector_of(DETECTOR)

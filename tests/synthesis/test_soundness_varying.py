@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from exact import Q, false_alarms, lost, nearest
+from helpers.varying import changed_text
 
 from codegen.certify.freeze import with_offsets
 from codegen.observers import framer
@@ -20,6 +21,7 @@ from codegen.select import choose
 
 VARYING = ("chevet", "buck", "motor", "lamouchi", "lamouchi_detector", "zammali_lpv_dt", "zammali_lpv_ct1",
            "zammali_lpv_quadratic")
+CHANGED = ("lamouchi", "chevet")  # again, in other coordinates
 
 # Everything at once in discrete time, states on both sides of zero; "split" as lamouchi has no measured parameter.
 SMALL = """
@@ -56,8 +58,9 @@ RATED = SMALL.replace('kind = "discrete"', 'kind = "continuous"').replace(
     "sample_period = 1", "sample_period = 0.02").replace(
     "error = 0.05", "rate = 20").replace('"0.3*e - 0.2"', '"-2*e"').replace('"0.2 - g"', '"-1 - g"').replace(
     '"0.1*e + g"', '"-e"').replace('"0.3"]]', '"-2"]]')
-OWN = {"small": (SMALL, "lpv-interval"), "small tnl": (SMALL, "tnl-interval-lpv"), "rated": (RATED, "lpv-interval")}
-CASES = [*VARYING, *OWN]
+OWN = {"small": (SMALL, "lpv-interval"), "small tnl": (SMALL, "tnl-interval-lpv"), "rated": (RATED, "lpv-interval"),
+       "changed": (changed_text().replace("[-0.01, 0.01]", "[-0.08, 0.08]"), "component-interval")}
+CASES = [*VARYING, *OWN, *(f"{name} changed" for name in CHANGED)]
 _DONE = {}
 
 
@@ -136,8 +139,11 @@ def case(name, runs=6):
     """Design and exact runs, made once."""
     if name not in _DONE:
         text, method = OWN.get(name, (None, None))
-        plant = loads(text, name) if text else load(name)
+        gallery, *changed = name.split()
+        plant = loads(text, name) if text else load(gallery)
         options = {**plant.options, **({"criterion": "width"} if text else {})}
+        if changed and not text:
+            method, options = "component-interval", {"coordinates": "change"}
         design = choose(plant, method or plant.method, options, lambda message: None)
         out = [simulate(plant, 11 * s + len(name)) for s in range(runs)]
         y = np.array([[[nearest(a) for a in row] for row in r[2]] for r in out])
@@ -229,13 +235,34 @@ def wrong_product(design, monkeypatch):
     return with_tables(design, products=((0, 0), (0, 0), (1, 1)))
 
 
+def coordinates_transposed(design, monkeypatch):
+    """x = S' z in place of S z."""
+    t = design.observer.tables["float32"]
+    turned = replace(t, change=replace(t.change, X=np.ascontiguousarray(t.change.X.T)))
+    return type(design.observer)({"float32": turned}, design.observer.supervision)
+
+
+def parts_exchanged(design, monkeypatch):
+    """The bounds of x take the bounds of z by the sign of the wrong matrix: pos(S) and neg(S) exchanged."""
+    t, right = design.observer.tables["float32"], framer.add_chosen_terms
+
+    def wrong(total, matrix, flipped, own, other):
+        back = matrix.shape[1:] == t.change.X.shape and np.array_equal(matrix[0], t.change.X)
+        return right(total, matrix, ~flipped if back else flipped, own, other)
+    monkeypatch.setattr(framer, "add_chosen_terms", wrong)
+    return design.observer
+
+
 MUTANTS = {
     never_off: ("zammali_lpv_quadratic",), wrong_product: ("zammali_lpv_quadratic",),
-    no_radius: ("chevet", "buck", "motor", "lamouchi", "small", "small tnl", "rated"),
+    no_radius: ("chevet", "buck", "motor", "lamouchi", "lamouchi changed", "small", "small tnl", "rated",
+                "changed"),
+    coordinates_transposed: ("lamouchi changed", "chevet changed", "changed"),
+    parts_exchanged: ("lamouchi changed", "chevet changed", "changed"),
     no_input_radius: ("small", "rated"),
     no_noise: ("small", "zammali_lpv_dt"),
     noise_of_one_corner: ("small", "zammali_lpv_dt"),
-    one_sided: ("chevet", "lamouchi", "small", "small tnl"),
+    one_sided: ("chevet", "lamouchi", "lamouchi changed", "small", "small tnl"),
     start_of_the_step: ("rated", "motor"),
 }
 

@@ -12,7 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from helpers.reports import StandInDriver, outcomes_of, output_folder  # noqa: E402
-from helpers.varying import HELD, heater_design  # noqa: E402
+from helpers.varying import HELD, changed_design, heater_design  # noqa: E402
 
 from codegen.analysis import panels, plots  # noqa: E402
 from codegen.analysis.validate import Episode  # noqa: E402
@@ -20,7 +20,15 @@ from codegen.periods import FACTORS, PeriodPoint  # noqa: E402
 from codegen.pipeline import period_curve  # noqa: E402
 from codegen.plant.load import loads  # noqa: E402
 from codegen.plant.simulate import simulate  # noqa: E402
-from codegen.report import design_words, outcome_words, parameter_words, period_words, plant_words, words  # noqa: E402
+from codegen.report import (  # noqa: E402
+    design_words,
+    firmware_words,
+    outcome_words,
+    parameter_words,
+    period_words,
+    plant_words,
+    words,
+)
 from codegen.report.page import view, write_report  # noqa: E402
 
 
@@ -245,3 +253,16 @@ def test_the_curve_keeps_to_the_gains_of_the_design(heater):
     assert np.allclose(narrow, 0.2, atol=1e-6) and np.all(wide > 0.2001)
     captions = [period_words.words_of(d, "float32", period_curve(d))[0].plots[0].caption for d in (seeing, heater)]
     assert ["gains N no larger" in c for c in captions] == [True, False]
+
+
+def test_other_coordinates_and_the_detector_are_told():
+    design = changed_design()
+    method = {f.term: f.text for f in design_words.words_of(design, "float32").facts}["Method"]
+    assert "bounds of z = Z x, of which those of x are made" in method
+    captions = [t.caption for fold in firmware_words.gains(design, "float32") for t in fold.tables]
+    assert sum("z = Z x" in c for c in captions) == 2 == sum("M = Z A X" in c for c in captions)
+    told = plain(" ".join(parameter_words.not_guaranteed(design.plant)))
+    assert "Where g stands for faults, a second observer sees what this one bears" in told
+    assert "second observer" not in plain(" ".join(parameter_words.not_guaranteed(loads(HELD))))
+    others = [t.caption for fold in firmware_words.gains(heater_design(), "float32") for t in fold.tables]
+    assert not any("z = Z x" in c for c in others)
