@@ -17,7 +17,8 @@ KEEP = ("design.json", ".h", ".c", ".g", "resources.json")
 DESIGNS = (("cart", "tnl-interval"), ("emps", "tnl-interval"), ("press", "tnl-interval"), ("relay", "tnl-interval"),
            ("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"), ("buck", "tnl-interval-lpv"),
            ("chevet", "tnl-interval-lpv"), ("lamouchi", "component-interval"), ("motor", "tnl-interval-lpv"),
-           ("zammali_lpv_ct1", "lpv-interval"), ("zammali_lpv_dt", "lpv-interval"))
+           ("zammali_lpv_ct1", "lpv-interval"), ("zammali_lpv_dt", "lpv-interval"), ("zammali_ellipsoid", "ellipsoid"),
+           ("zammali_zonotope", "zonotope"))
 #: Plants of the gallery whose firmware would have the shape of another's, with other numbers.
 LIKE_ANOTHER = ("lamouchi_detector", "zammali_lpv_ct2")
 

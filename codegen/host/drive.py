@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..observers import Trace
-from ..observers.interval import outward
+from ..observers import FAMILIES, Trace
 
 Array = np.ndarray
 NO_MODE = 2**32 - 1  # any mode that does not fit 32 bits: the C refuses it as it refuses every other
@@ -103,12 +102,12 @@ class Driver:
         if copy and q.dtype != np.uint32:
             q = np.where((q < 0) | (q > NO_MODE), NO_MODE, q)
         q = array("q", q, (runs, steps), np.dtype(np.uint32), copy)
-        boxes = [None if x0 is None else np.ascontiguousarray(np.broadcast_to(outward(x0, dtype, side), (runs, n_x)))
-                 for x0, side in ((x0_lo, -np.inf), (x0_hi, np.inf))]
-        trace = Trace.empty((runs, steps), n_x, n_y, dtype)
+        family = FAMILIES[self.family]
+        boxes = family.initial(x0_lo, x0_hi, (runs, n_x), self.record, dtype)
+        trace = family.trace_class.empty((runs, steps), n_x, n_y, dtype)
         reads = [self._pointer(a) for a in (u, y, theta, q, *boxes)]
         writes = [self._pointer(a, write=True) for a in (
-            trace.x_lo, trace.x_hi, trace.r_lo, trace.r_hi, trace.alarm, trace.alarm_bits, trace.latched_bits,
+            *trace.numbers(), trace.alarm, trace.alarm_bits, trace.latched_bits,
             trace.raw_bits, trace.assured, trace.status)]
         self.lib.residua_run(runs, steps, *reads, *writes)
         return trace
