@@ -35,6 +35,25 @@ static const T(real) z_hi[] = CASE_Z_HI;
 static const T(real) x0_lo[] = CASE_X0_LO;
 static const T(real) x0_hi[] = CASE_X0_HI;
 
+/* What y may be, minus the y that was measured. */
+static inline T(real) r_least(const T(out) *out, uint32_t i)
+{
+#if CASE_POINT
+    return -out->r[i] - out->r_bound[i];
+#else
+    return out->r_lo[i];
+#endif
+}
+
+static inline T(real) r_most(const T(out) *out, uint32_t i)
+{
+#if CASE_POINT
+    return -out->r[i] + out->r_bound[i];
+#else
+    return out->r_hi[i];
+#endif
+}
+
 static inline T(real) not_a_number(void)
 {
     static volatile T(real) zero = 0;

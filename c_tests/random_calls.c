@@ -55,6 +55,22 @@ static void any_inputs(T(in) *in)
 
 static void any_box(T(real) *lo, T(real) *hi, const T(real) *least, const T(real) *most)
 {
+#if CASE_POINT
+    T(state) whole;
+    const uint32_t share = draw(12U);
+
+    T(reset)(&whole);
+    for (uint32_t i = 0U; i < M(NX); i++)
+    {
+        s->x_hat[i] = between(x_lo[i], x_hi[i]) * ((draw(8U) == 0U) ? 1024 : 1);
+    }
+    for (uint32_t i = 0U; i < M(NSHAPE); i++)
+    {
+        const T(real) size = whole.shape[i % (M(NX) * M(NX))] / (T(real))(1U << share);
+
+        s->shape[i] = between(-size, size);
+    }
+#else
     for (uint32_t i = 0U; i < M(NX); i++)
     {
         /* Wide, narrow or a point, so that sums of every size meet their offsets. */
@@ -78,6 +94,7 @@ static void any_box(T(real) *lo, T(real) *hi, const T(real) *least, const T(real
             /* as they are */
         }
     }
+#endif
 }
 
 static void any_framers(T(state) *s)

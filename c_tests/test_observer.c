@@ -15,7 +15,7 @@ static int measure_quietly(bench *b)
     within &= (T(step)(&trial.s, &trial.in, &trial.out) == M(OK)) ? 1 : 0;
     for (uint32_t i = 0U; i < M(NY); i++)
     {
-        b->in.y[i] = trial.in.y[i] + ((trial.out.r_lo[i] / 2) + (trial.out.r_hi[i] / 2));
+        b->in.y[i] = trial.in.y[i] + ((r_least(&trial.out, i) / 2) + (r_most(&trial.out, i) / 2));
         within &= ((b->in.y[i] >= y_lo[i]) && (b->in.y[i] <= y_hi[i])) ? 1 : 0;
     }
     return within;
@@ -32,7 +32,7 @@ static int measure_a_fault(bench *b, uint32_t *bit)
         (void)T(step)(&trial.s, &trial.in, &trial.out);
         for (uint32_t i = 0U; (i < M(NY)) && (found == 0); i++)
         {
-            const T(real) width = trial.out.r_hi[i] - trial.out.r_lo[i];
+            const T(real) width = r_most(&trial.out, i) - r_least(&trial.out, i);
 
             if ((trial.in.y[i] + width) < y_hi[i])
             {
@@ -97,7 +97,7 @@ static int a_measurement_in_the_middle_is_quiet(void)
         }
         for (uint32_t i = 0U; i < M(NY); i++)
         {
-            CHECK((b.out.r_lo[i] <= 0) && (b.out.r_hi[i] >= 0));
+            CHECK((r_least(&b.out, i) <= 0) && (r_most(&b.out, i) >= 0));
         }
     }
     return 0;

@@ -10,9 +10,10 @@ from typing import Any
 
 from . import __version__
 from .analysis.detectability import surely_detected
+from .certify import set_claims
 from .certify.claims import check, check_monitor, check_ranges, digest
 from .errors import CertificateError, PlantError, ResiduaError
-from .observers import FAMILIES, FramerTables, IntervalObserver, Supervision
+from .observers import FAMILIES, PointTables, Runner, Supervision
 from .plant.load import loads
 from .plant.model import Plant
 
@@ -27,7 +28,7 @@ class Design:
     ----------
     plant : Plant
     method : str
-    observer : IntervalObserver
+    observer : Runner
         Of the run-time family of the method; ``observer.tables[real]`` for both number types.
     certificate : dict
         real -> certificate of ``certify.claims``.
@@ -42,7 +43,7 @@ class Design:
 
     plant: Plant
     method: str
-    observer: IntervalObserver
+    observer: Runner
     certificate: dict[str, dict]
     proved: dict[str, list[str]]
     detection: dict[str, list[dict]]
@@ -149,8 +150,9 @@ def _assemble(path: Path, data: dict) -> Design:
                                "wrote it, or design again.")
     plant = replace(_plant(path, data["plant"]["toml"]), options=data["options"])
     sizes = (plant.n_modes, plant.n_x, plant.n_u, plant.n_y)
-    tables = {r: FramerTables.from_dict(t, sizes) for r, t in data["tables"].items()}
-    observer = FAMILIES[data["family"]](tables, Supervision.from_dict(data["supervision"]))
+    family = FAMILIES[data["family"]]
+    tables = {r: family.read(t, sizes) for r, t in data["tables"].items()}
+    observer = family(tables, Supervision.from_dict(data["supervision"]))
     design = Design(plant, data["method"], observer, data["certificate"], data["proved"], data["detection"],
                     data["choice"], data["options"])
     if design.digest != data["digest"] or design.plant_sha256 != data["plant"]["sha256"]:
@@ -168,14 +170,14 @@ def _plant(path: Path, text: str) -> Plant:
         return loads(text, name=name, folder=folder, scenarios=False)
 
 
-def claims_of(plant: Plant, t: FramerTables, cert: dict) -> list[str]:
+def claims_of(plant: Plant, t, cert: dict) -> list[str]:
     """What is proved of one table, one sentence per claim; a continuous plant is sampled anew for it.
 
     Raises
     ------
     CertificateError
     """
-    claims = check(plant.observed.modes, t, cert)
+    claims = (set_claims.check if isinstance(t, PointTables) else check)(plant.observed.modes, t, cert)
     if plant.kind == "continuous":
         claims.append(f"between samples, {plant.sample_period:g} s apart, disturbances and parameters may move as they "
                       "like within their bounds and rates: the tables enclose the continuous plant at the samples (the "
@@ -214,7 +216,7 @@ def recheck(design: Design) -> dict[str, list[str]]:
     return proved
 
 
-def _recheck_detection(plant: Plant, t: FramerTables, cert: dict, stored: list[dict]) -> None:
+def _recheck_detection(plant: Plant, t, cert: dict, stored: list[dict]) -> None:
     within = max((len(f["by_delay"]) - 1 for f in stored), default=0)
     for fault, old in zip(surely_detected(plant, t, cert, within), stored, strict=True):
         for d, (new, claimed) in enumerate(zip(fault.by_delay, old["by_delay"], strict=True)):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from . import points
 from .algebra.dwell import ratio, shortest
 from .analysis.detectability import SureFault, limited, surely_detected
 from .analysis.quick import QuickJudge
@@ -18,7 +19,7 @@ from .observers import FAMILIES, FramerTables, Supervision
 from .periods import longest
 from .plant.model import Plant
 from .plant.uncertain import is_uncertain
-from .synthesis import METHODS, check_options
+from .synthesis import METHODS, check_options, known_options
 from .synthesis.linf import pairwise
 from .synthesis.problem import Candidate, Problem
 
@@ -39,12 +40,13 @@ class Trial:
 
     def threshold(self, scale: Array) -> float:
         """Largest surely detected fault over the channels, in channel sizes."""
-        return max((f.best / s for f, s in zip(self.faults, scale)), default=np.inf)
+        sure = max((f.best / s for f, s in zip(self.faults, scale)), default=np.inf)
+        return sure if np.isfinite(sure) else getattr(self.candidate, "figures", {}).get("threshold", np.inf)
 
     @property
     def needs_dwell(self) -> bool:
         """The proof holds for slow switching only."""
-        return self.cert["kind"] == "linf" and limited(self.cert) is not None
+        return self.cert["kind"] in ("linf", "hinf") and limited(self.cert) is not None
 
     def width(self, plant: Plant) -> float:
         """Ultimate guaranteed width, summed over the states in units of their ranges."""
@@ -71,13 +73,15 @@ def limits(plant: Plant) -> dict:
     return {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
 
 
-def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple[FramerTables, dict]:
-    """Freeze gains on one number type and certify them.
+def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple:
+    """Freeze gains on one number type and certify them: tables and certificate.
 
     Raises
     ------
     CertificateError
     """
+    if "kind" in gains:  # of a point observer
+        return points.certified(plant, gains, proof, real)
     modes = plant.observed.modes
     tables = freeze(FramerTables, modes, limits(plant), gains, real)
     return tables, prove(modes, tables, proof)
@@ -117,13 +121,14 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     CertificateError
         Designs were found, but none survives rounding.
     """
-    check_options(plant.name, options)
     plant = replace(plant, options=dict(options))  # how it is sampled is one of them
-    methods = [method] if method else list(METHODS)
-    trials, reasons = [], []
+    methods = [method] if method else [name for name, m in METHODS.items() if m.automatic]
     for name in methods:
         if name not in METHODS:
             raise DesignError(f"{plant.name}: observer.method is \"{name}\", expected one of {', '.join(METHODS)}.")
+    check_options(plant.name, options, known_options(methods))
+    trials, reasons = [], []
+    for name in methods:
         reason = METHODS[name].module.inapplicable(plant)
         if reason is not None:
             reasons.append(f"{plant.name}: method \"{name}\" does not apply: {reason}")
@@ -168,6 +173,11 @@ def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], No
     DesignError, CertificateError
     """
     real, within = plant.target.real, int(options.get("within", WITHIN))
+    if not METHODS[name].framers:
+        found = points.explore(plant, METHODS[name].module, METHODS[name].family, options,
+                               lambda text: progress(f"{name}: {text}"))
+        return [Trial(name, e.candidate, e.gains, e.tables, e.cert, surely_detected(plant, e.tables, e.cert, within))
+                for e in found]
     if plant.kind == "continuous" and not can_be_sampled(plant):
         raise DesignError(period_words(plant, name))
     if options.get("coordinates") == "change" and not hasattr(METHODS[name].module, "check_gains"):
@@ -293,7 +303,7 @@ def array(plant: Plant, key: str, value, shape: tuple[int, ...]) -> Array:
 def supervision(plant: Plant, cert: dict) -> Supervision:
     """Alarm handling of the plant file, and the dwell monitor where the claim rests on a dwell time."""
     t, dwell = plant.target, {}
-    if cert["kind"] == "linf" and cert["dwell_add"] > cert["dwell_drain"] and cert["rho"] > 1:
+    if cert["kind"] in ("linf", "hinf") and cert["dwell_add"] > cert["dwell_drain"] and cert["rho"] > 1:
         dwell = {"dwell_add": cert["dwell_add"], "dwell_drain": cert["dwell_drain"],
                  "dwell_limit": int(cert["chatter"] * cert["dwell_add"])}
     return Supervision(debounce=t.debounce, latch=t.latch, recover=t.recover, hold=t.hold, **dwell)
@@ -316,5 +326,6 @@ def finish(plant: Plant, trials: list[Trial], options: dict) -> Design:
                         for f in surely_detected(plant, t, cert, within)]
     choice = [t.summary(plant) for t in trials]
     choice[0]["chosen"] = True
-    observer = FAMILIES[METHODS[best.method].family_for(plant)](tables, supervision(plant, certs[plant.target.real]))
+    family = best.cert.get("set") or METHODS[best.method].family_for(plant)
+    observer = FAMILIES[family](tables, supervision(plant, certs[plant.target.real]))
     return Design(plant, best.method, observer, certs, proved, faults, choice, options)

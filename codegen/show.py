@@ -137,6 +137,8 @@ def _applies(p: Plant, name: str, entry) -> str:
     reason = entry.module.inapplicable(p)
     if reason is not None:
         return reason
+    if not entry.framers:
+        return "yes"
     try:
         reason = obstruction(Problem.of(p, entry.tnl, getattr(entry.module, "SPLIT", False)))
     except DesignError as error:

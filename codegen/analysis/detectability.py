@@ -18,7 +18,8 @@ from itertools import product
 import numpy as np
 
 from ..algebra.dwell import admissible
-from . import robust
+from ..observers import PointTables
+from . import point_detection, robust
 from .adjoint import ResidualModel, extremes, fault_response
 
 Array = np.ndarray
@@ -54,7 +55,7 @@ def ultimate_errors(cert: dict) -> tuple[Array, Array] | None:
     """Bounds on both framer errors once settled: the box of the certificate, else its Lyapunov level."""
     if cert.get("steady_box"):
         return np.array(cert["steady_box"]["hi"]), np.array(cert["steady_box"]["lo"])
-    if cert["kind"] == "linf":
+    if cert["kind"] == "linf" and "P_hi" in cert:
         # e' P e <= level^2 with P >= I: no component exceeds level / sqrt(min_q P_ii).
         return tuple(cert["level"] / np.sqrt(np.min(np.array(cert["P_" + s]), axis=0)) for s in ("hi", "lo"))
     return None
@@ -85,6 +86,9 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
     list of SureFault
         One per channel of ``plant.f``.
     """
+    if isinstance(t, PointTables):
+        found = point_detection.thresholds(plant, t, cert, within)
+        return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
     tails = ultimate_errors(cert)
     infinite = tuple([np.inf] * (within + 1))
     if tails is None or not plant.f:

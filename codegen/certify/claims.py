@@ -163,7 +163,7 @@ def check_monitor(supervision, cert: dict) -> None:
     ------
     CertificateError
     """
-    if cert["kind"] != "linf" or cert["rho"] <= 1 or cert["dwell_add"] <= cert["dwell_drain"]:
+    if cert["kind"] not in ("linf", "hinf") or cert["rho"] <= 1 or cert["dwell_add"] <= cert["dwell_drain"]:
         return
     add, drain, limit = supervision.dwell_add, supervision.dwell_drain, supervision.dwell_limit
     if add * cert["dwell_drain"] < cert["dwell_add"] * drain or not 0 < limit <= Fraction(cert["chatter"]) * add:

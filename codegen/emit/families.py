@@ -12,6 +12,7 @@ from .varying import Varying
 
 Array = np.ndarray
 Member = tuple[str, str, str, tuple[str, ...]]  # C type, name, array size, comment
+Word = tuple[str, str, str]  # name, value after init (or nothing: set elsewhere), comment
 
 
 @dataclass(frozen=True)
@@ -207,12 +208,47 @@ def state_fields(family: str, names: Names, s, n_bits: int, sizes: tuple[int, in
         numbers += [(real, "theta", f"[{m}_NTHETA]", ("parameters of the last measured sample",))] * bool(n_theta)
     vectors = (("u", n_u), ("y", n_y), ("theta", n_theta)) if family == "tnl" else ()
     kept = [f"s->{v}[{i}]" for v, n in vectors for i in range(n)]
-    words: list[tuple[str, str, str]] = []  # name, value after init, comment
-    has_mode = s.monitors_dwell or (family == "tnl" and len(names.modes) > 1)
-    if has_mode:
-        words.append(("mode", f"{m}_MODES", f"mode of the last sample; {m}_MODES: none yet"))
+    words: list[Word] = []
+    if _keeps_mode(family, names, s):
+        words.append(mode_word(m))
     if family == "tnl":
         words.append(("phase", f"{m}_FRESH", "0: x_lo, x_hi are this sample's; 1: last sample's, without y; 2: with y"))
+    return state_layout(names, s, n_bits, numbers, (4 if z else 2) * n_x + len(kept), kept, words)
+
+
+def _keeps_mode(family: str, names: Names, s) -> bool:
+    """Whether the state holds the mode of the last sample."""
+    return s.monitors_dwell or (family == "tnl" and len(names.modes) > 1)
+
+
+def mode_word(m: str) -> Word:
+    """The mode of the last sample."""
+    return "mode", f"{m}_MODES", f"mode of the last sample; {m}_MODES: none yet"
+
+
+def state_layout(names: Names, s, n_bits: int, numbers: list[Member], reals: int, kept: list[str],
+                 words: list[Word]) -> StateLayout:
+    """Lay out a state of a family's own numbers and words, and after them the supervisor's words.
+
+    Parameters
+    ----------
+    names : Names
+    s : Supervision
+    n_bits : int
+        Alarm bits.
+    numbers : list of Member
+        Vectors of numbers, ``reals`` in total.
+    reals : int
+    kept : list of str
+        Numbers that ``clear`` sets to zero.
+    words : list of Word
+        Words of the family.
+
+    Returns
+    -------
+    StateLayout
+    """
+    m, words = names.macro, list(words)
     if s.monitors_dwell:
         words += [("bucket", "0U", f"fill of the dwell-time monitor, 0 to {s.dwell_limit}"),
                   ("too_fast", "0U", "1 from an overflow of the bucket until it has run empty")]
@@ -221,7 +257,7 @@ def state_fields(family: str, names: Names, s, n_bits: int, sizes: tuple[int, in
         words.append(("hold", "0U", f"samples within bounds still to come before assured may return, 0 to {s.hold}"))
     members = numbers + [("uint32_t", name, "", (note,)) for name, _, note in words]
     clear = [f"{place} = {literal(0.0, names.real)};" for place in kept]
-    clear += [f"s->{name} = {value};" for name, value, _ in words]
+    clear += [f"s->{name} = {value};" for name, value, _ in words if value]
     count = len(words) + 1
     if s.debounce[1] > 1:
         members.append(("uint32_t", "history", f"[{m}_BITS]",
@@ -234,8 +270,8 @@ def state_fields(family: str, names: Names, s, n_bits: int, sizes: tuple[int, in
         members.append(("uint32_t", "spare", "", ("always 0: fills the struct to a multiple of 8 bytes",)))
         clear.append("s->spare = 0U;")
         count += 1
-    size = 4 * count + REAL_BYTES[names.real] * ((4 if z else 2) * n_x + len(kept))
-    return StateLayout(tuple(members), size, tuple(clear), has_mode)
+    size = 4 * count + REAL_BYTES[names.real] * reals
+    return StateLayout(tuple(members), size, tuple(clear), any(name == "mode" for name, _, _ in words))
 
 
 def in_fields(names: Names, n_u: int, n_theta: int) -> tuple[Member, ...]:

@@ -29,17 +29,16 @@ class Vector:
 
     ``inputs`` holds one initialiser or none, ``read`` those of y and, where there are some, of theta; ``call`` is 0
     for predict, 1 for step, 2 for reset and then step; 3 and 4 for step, 5 and 6 for predict after the lower (3, 5) or
-    upper (4, 6) bounds have been put to the ends of the ranges.
+    upper (4, 6) bounds have been put to the ends of the ranges. ``always`` are the numbers of every answer,
+    ``measured`` those that are 0 after a predict.
     """
 
     inputs: tuple[str, ...]
     read: tuple[str, ...]
     mode: int
     call: int
-    x_lo: str
-    x_hi: str
-    r_lo: str
-    r_hi: str
+    always: tuple[str, ...]
+    measured: tuple[str, ...]
     raw: int
     alarm: int
     latched: int
@@ -117,7 +116,7 @@ def stimulus(observer, t) -> tuple[Array, Array, Array, Array]:
 
 def _sample(observer, t, u: Array, y: Array, q: int, theta: Array, measured: bool) -> Trace:
     """Step the reference by one sample."""
-    out = Trace.empty((1,), len(t.box), len(y), t.dtype)
+    out = observer.empty(t, (1,))
     observer.sample(t, np.array([True]), np.array([measured]), u[None], y[None], np.array([q]), theta[None],
                     out)
     return out
@@ -170,12 +169,13 @@ def vectors(design, real: str) -> tuple[Vector, ...]:
     measured = ~np.isnan(y).any(axis=1)
     y = np.where(measured[:, None], y, 0).astype(y.dtype)
     trace = _answers(copy(design.observer), design.observer.tables[real], u, y, q, theta, measured)
-    r_lo, r_hi = (np.where(measured[:, None], a, 0).astype(y.dtype) for a in (trace.r_lo, trace.r_hi))
+    *states, first, second = trace.numbers()
+    residuals = [np.where(measured[:, None], a, 0).astype(y.dtype) for a in (first, second)]
     return tuple(Vector((initialiser(u[k], real),) if u.shape[1] else (),
                         (initialiser(y[k], real), *([initialiser(theta[k], real)] * bool(theta.shape[1]))), int(q[k]),
                         _call(k, design.observer.tables[real], bool(measured[k])),
-                        initialiser(trace.x_lo[k], real), initialiser(trace.x_hi[k], real),
-                        initialiser(r_lo[k], real), initialiser(r_hi[k], real), int(trace.raw_bits[k]),
+                        tuple(initialiser(a[k], real) for a in states),
+                        tuple(initialiser(a[k], real) for a in residuals), int(trace.raw_bits[k]),
                         int(trace.alarm_bits[k]), int(trace.latched_bits[k]), int(trace.assured[k]))
                  for k in range(len(q)))
 
@@ -189,7 +189,7 @@ def _call(k: int, t, measured: bool) -> int:
 
 def _answers(observer, t, u: Array, y: Array, q: Array, theta: Array, measured: Array) -> Trace:
     """Run the reference over the samples, with its resets."""
-    trace = Trace.empty((len(q),), len(t.box), y.shape[1], t.dtype)
+    trace = observer.empty(t, (len(q),))
     observer.start(t, 1)
     for k in range(len(q)):
         if k in RESETS:

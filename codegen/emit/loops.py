@@ -35,12 +35,12 @@ class LoopPrinter:
         else:
             lines = tuple(f"{_total(side)} += {start[0]};" for side, start in starts.items() if start)
         stages.append(Stage(lines, (self._state(),)))
-        end = f" - {spec.minus}[i]" if spec.minus else ""
+        end = f" - {spec.minus}[i]" if spec.minus else f" + {spec.plus}[i]" if spec.plus else ""
         stages.append(Stage(tuple(f"{spec.target(side)}[i] = {_total(side)}{end};" for side in spec.sides), ()))
         by_mode = any(t.size.startswith(f"[{names.macro}_MODES]") for t in self.tables)
         prologue = (f"const uint32_t q = {spec.index};",) if by_mode else ()
         text = [line for stage in stages for line in (*stage.lines, *(u for i in stage.inner for u in i.updates))]
-        add = self.multiply + len(spec.rows) * len(spec.sides) * (2 if spec.minus else 1)
+        add = self.multiply + len(spec.rows) * len(spec.sides) * (2 if end else 1)
         return Loops(spec.name, spec.equation, spec.parameters, unused(spec, [*text, *prologue]), tuple(self.tables),
                      prologue, spec.row_count, tuple(stages), spec.tail, self.multiply, add, self._flash(stages))
 

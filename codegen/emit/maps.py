@@ -94,8 +94,8 @@ class MapSpec:
         S.
     by_sign : bool
         S may have negative entries, which take the opposite bound.
-    minus : str
-        C array subtracted at the end, or empty.
+    minus, plus : str
+        C array subtracted (added) at the end, or empty.
     tail : tuple of str
         Statements after the last row.
     row_count : str
@@ -123,6 +123,7 @@ class MapSpec:
     row_count: str
     names: Names
     sides: tuple[str, ...] = ("lo", "hi")
+    plus: str = ""
 
     def target(self, side: str) -> str:
         """Return the C array that takes the bound "lo" or "hi"."""

@@ -50,15 +50,21 @@ def files(design, real: str | None = None, layout: str | None = None, measure: b
     d = build(design, real, layout, __version__)
     t = design.observer.tables[d.real]
     spare = tuple(f.name for f in d.in_fields if f.name == "spare")
-    out = {f"{d.prefix}.h": render("observer.h.jinja", d=d),
+    out = {f"{d.prefix}.h": render(d.header, d=d),
            f"{d.prefix}.c": render(f"{d.family}.c.jinja", d=d),
-           f"test_{d.prefix}.c": render("harness/test.c.jinja", d=d, vectors=golden.vectors(design, d.real),
+           f"test_{d.prefix}.c": render(d.self_test, d=d, vectors=golden.vectors(design, d.real),
                                         refusals=golden.refusals(t, d.macro), spare=spare),
-           f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d)),
-           f"rounding_{d.prefix}.g": render("harness/rounding.g.jinja", d=d, g=rounding(design, d)),
-           "CMakeLists.txt": render("package/CMakeLists.txt.jinja", d=d)}
+           **_proofs(design, d), "CMakeLists.txt": render("package/CMakeLists.txt.jinja", d=d)}
     record = resources(d, design) | {"measured": metrics.measure(out, d.prefix) if measure else {}}
     return out | {"resources.json": json.dumps(record, indent=2) + "\n"}
+
+
+def _proofs(design, d: DesignView) -> dict[str, str]:
+    """Print what Frama-C and Gappa read; nothing for point observers, whose error sets neither can follow."""
+    if d.sets:
+        return {}
+    return {f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d)),
+            f"rounding_{d.prefix}.g": render("harness/rounding.g.jinja", d=d, g=rounding(design, d))}
 
 
 def resources(d: DesignView, design) -> dict:
@@ -88,6 +94,7 @@ def _members(d: DesignView, fields) -> list[list]:
     """Describe a struct as [name, "real" or "uint32", number of elements]."""
     sizes = {"NX": d.x, "NU": d.u, "NY": d.y, "NTHETA": d.theta, "BITS": d.bits}
     counts = {f"[{d.macro}_{name}]": len(channels) for name, channels in sizes.items()} | {"": 1}
+    counts |= {f"[{d.macro}_NSHAPE]": z.numbers for z in d.sets}
     return [[f.name, "uint32" if f.type == "uint32_t" else "real", counts[f.size]] for f in fields]
 
 

@@ -121,4 +121,5 @@ def _own_terms(spec: MapSpec, columns: Columns, modes: Array, i: int, side: str)
         else:  # the sign depends on the mode: one column per bound, one of them zero in each mode
             terms += columns.terms(f"pos({name})", np.maximum(entry, 0), f"{same}[{j}]", real)
             terms += columns.terms(f"-neg({name})", np.minimum(entry, 0), f"{opposite}[{j}]", real)
-    return terms + ([("-", f"{spec.minus}[{i}]")] if spec.minus else [])
+    terms += [("-", f"{spec.minus}[{i}]")] if spec.minus else []
+    return terms + ([("+", f"{spec.plus}[{i}]")] if spec.plus else [])

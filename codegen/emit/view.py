@@ -11,24 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import EmitError
-from . import families, manual
+from ..observers import PointTables
+from . import families, framer_parts, manual, point_parts
 from .cprint import C_TYPE, check_prefix, comment, initialiser, literal, macro_names
-from .layouts import LAYOUTS, lay_out
+from .layouts import LAYOUTS
 from .manual import Bit, Channel, Manual
 from .maps import MapView, Names, Table
-from .varying import Varying, lay_out_varying
+from .parts import Cut, Field, Late, Move, Operations, Parts, vector_table
 
 Array = np.ndarray
-
-
-@dataclass(frozen=True)
-class Field:
-    """A member of a struct: C type, name, array size or nothing, comment lines."""
-
-    type: str
-    name: str
-    size: str
-    note: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -42,18 +33,6 @@ class RangeCheck:
     tables: tuple[Table, ...]
     counts: tuple[str, ...]
     by_mode: tuple[Table, ...] = ()
-
-
-@dataclass(frozen=True)
-class Cut:
-    """A function that cuts both framers of a vector to its range: statements, or tables and a loop."""
-
-    name: str
-    vector: str
-    what: str
-    statements: tuple[str, ...]
-    tables: tuple[Table, ...]
-    counts: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -75,23 +54,6 @@ class Dwell:
 
 
 @dataclass(frozen=True)
-class Late:
-    """A function that joins the bounds of two modes: its name, the call for the last mode and that for the new one."""
-
-    name: str
-    told: str
-    now: str
-
-
-@dataclass(frozen=True)
-class Move:
-    """The calls that bring framers of the last sample to this one, with and without its measurement."""
-
-    measured: str
-    missing: str
-
-
-@dataclass(frozen=True)
 class Guards:
     """What the preprocessor must find for the arithmetic to be the certified one."""
 
@@ -100,17 +62,11 @@ class Guards:
 
 
 @dataclass(frozen=True)
-class Operations:
-    """Floating-point operations of the dearest step."""
-
-    multiply: int
-    add: int
-    compare: int
-
-
-@dataclass(frozen=True)
 class DesignView:
-    """Everything the C of one design needs. ``x``, ``u``, ``y``, ``theta``, ``modes``, ``bits`` are its channels."""
+    """Everything the C of one design needs. ``x``, ``u``, ``y``, ``theta``, ``modes``, ``bits`` are its channels.
+
+    ``sets`` holds the error set of a point observer, or nothing.
+    """
 
     prefix: str
     macro: str
@@ -159,6 +115,10 @@ class DesignView:
     last_items: tuple[str, ...]
     last_status: str
     last_refusal: str
+    noun: str
+    header: str
+    self_test: str
+    sets: tuple[object, ...]
 
 
 def build(design, real: str | None = None, layout: str | None = None, version: str = "") -> DesignView:
@@ -196,30 +156,19 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
     u = manual.channels(plant.u, t.u_lo, t.u_hi, real, "u")
     theta = parameters(plant, t, real)
     y = manual.channels(plant.y, t.y_lo, t.y_hi, real, "y")
-    bits = manual.bits(y, t.shared)
+    own = _parts(design, t, s, names, (x, u, y, theta), layout)
+    bits = own.bits
     _check_words(s, len(bits))
-    specs = families.specs(design.observer.family, t, names, x, y)
-    views = tuple((lay_out_varying if isinstance(spec, Varying) else lay_out)(spec, layout) for spec in specs)
-    late = t.vary is not None and t.vary.late
-    operated = views
-    changes = families.change_specs(t, names, x)
-    views = (*(lay_out(spec, layout) for spec in changes), *views)
-    if late:
-        views += tuple(lay_out_varying(spec, layout) for spec in families.late_specs(*specs[1:], names))
     checks = tuple(_range_check(names, vector, lo, hi, layout)
                    for vector, lo, hi in (("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi)) if len(lo))
     checks += (_parameter_check(names, t.vary.theta_lo, t.vary.theta_hi),) if theta else ()
-    fields = families.state_fields(design.observer.family, names, s, len(bits), (len(x), len(u), len(y), len(theta)),
-                                   manual.changed(t, x, real) if changes else ())
-    state = tuple(Field(*f) for f in fields.members)
-    operations = _operations(design.observer.family, operated, views[:1] if changes else (), t, len(u), len(y))
+    fields = own.state
     text = Manual(manual.banner(design, target.prefix, real, layout, version), manual.about(plant),
                   manual.proved(design, real), manual.assumed(design, t, s.monitors_dwell),
-                  manual.alarm(s, target.prefix), manual.dwell(s), _resources(fields.size, operations))
+                  manual.alarm(s, target.prefix, own.noun), manual.dwell(s), _resources(fields.size, own.operations))
     quiet = [*["(s->hold == 0U)"] * s.counts_hold, *["(s->latched == 0U)"] * s.latch,
              *["(s->too_fast == 0U)"] * s.monitors_dwell]
     modes = tuple(Channel(i, macro, name, "") for i, (macro, name) in enumerate(zip(names.mode_macros, names.modes)))
-    changed = (f"{names.prefix}_to_z(s);",) * bool(changes)
     return DesignView(
         prefix=names.prefix, macro=names.macro, real=real, c_type=C_TYPE[real], layout=layout,
         family=design.observer.family, version=version, zero=literal(0.0, real),
@@ -227,22 +176,28 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         initial_box=manual.initial_box(x, t, real), x=x, u=u, y=y, theta=theta,
         input_groups=(u,) if u else (), parameter_groups=(theta,) if theta else (), modes=modes, bits=bits,
         in_fields=tuple(Field(*f) for f in families.in_fields(names, len(u), len(theta))),
-        out_fields=tuple(Field(*f) for f in families.out_fields(names)), state_fields=state,
-        state_bytes=fields.size, operations=operations, maps=views, checks=checks,
+        out_fields=own.out_fields, state_fields=tuple(Field(*f) for f in fields.members),
+        state_bytes=fields.size, operations=own.operations, maps=own.maps, checks=checks,
         check_input=tuple(c.name for c in checks if c.vector == "u"),
-        check_parameters=tuple(c.name for c in checks if c.vector == "theta"), cuts=_cuts(names, t, layout),
-        start=_assign("s->x_lo", t.x0_lo, real) + _assign("s->x_hi", t.x0_hi, real) + changed,
-        whole_range=_assign("s->x_lo", t.x_lo, real) + _assign("s->x_hi", t.x_hi, real) + changed, clear=fields.clear,
-        crossed=() if t.shared else (bits[-1].macro,), windows=_windows(s, names.prefix),
+        check_parameters=tuple(c.name for c in checks if c.vector == "theta"), cuts=own.cuts,
+        start=own.start, whole_range=own.whole_range, clear=fields.clear, crossed=own.crossed,
+        windows=_windows(s, names.prefix),
         plain=("alarm",) if s.debounce[1] == 1 else (), latch="s->latched | alarm" if s.latch else "alarm",
         recover=max(s.recover, 1), hold=(f"{s.hold}U",) if s.counts_hold else (),
         dwell=(Dwell(f"{s.dwell_add}U", f"{s.dwell_drain}U", f"{s.dwell_limit}U"),) if s.monitors_dwell else (),
         remember=("s->mode = in->mode;",) if fields.has_mode else (),
         assured=_truth(["(!fault)", *quiet]), assured_blind=_truth(quiet),
-        late=_late(names.prefix) if late else (), move=_move(names.prefix, late),
+        late=own.late, move=own.move,
         last_items=_last_items(names, bool(theta)),
         last_status=f"{names.macro}_BAD_{'PARAMETER' if theta else 'OUTPUT'}",
-        last_refusal=f"{names.macro}_BAD_{'PARAMETER' if theta else 'INPUT'}")
+        last_refusal=f"{names.macro}_BAD_{'PARAMETER' if theta else 'INPUT'}", noun=own.noun, header=own.header,
+        self_test=own.self_test, sets=own.sets)
+
+
+def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
+    """What is the family's own."""
+    make = point_parts.parts if isinstance(t, PointTables) else framer_parts.parts
+    return make(design.observer.family, t, s, names, signals, layout)
 
 
 def _last_items(names: Names, parameters: bool) -> tuple[str, ...]:
@@ -252,19 +207,6 @@ def _last_items(names: Names, parameters: bool) -> tuple[str, ...]:
     return (f"{names.macro}_BAD_OUTPUT = 3,",
             f"/* A parameter is NaN or beyond its bounds in this mode: call {names.prefix}_reset. */",
             f"{names.macro}_BAD_PARAMETER = 4")
-
-
-def _late(prefix: str) -> tuple[Late, ...]:
-    """The two moves where the mode is told late."""
-    return (Late(f"{prefix}_either", f"{prefix}_forward(s, in, out);", f"{prefix}_forward_late(s, in, &other);"),
-            Late(f"{prefix}_either_blind", f"{prefix}_blind(s, out);", f"{prefix}_blind_late(s, in, &other);"))
-
-
-def _move(prefix: str, late: bool) -> Move:
-    """Of the family "tnl"."""
-    if late:
-        return Move(f"{prefix}_either(s, in, out);", f"{prefix}_either_blind(s, in, out);")
-    return Move(f"{prefix}_forward(s, in, out);", f"{prefix}_blind(s, out);")
 
 
 def _truth(conditions: list[str]) -> str:
@@ -288,21 +230,13 @@ def _check_words(s, n_bits: int) -> None:
                         "fit 32-bit words. Make the design again.")
 
 
-def _assign(array: str, values: Array, real: str) -> tuple[str, ...]:
-    return tuple(f"{array}[{i}] = {literal(v, real)};" for i, v in enumerate(values))
-
-
-def _vector_table(name: str, count: str, values: Array, real: str) -> Table:
-    return Table(name, f"[{count}]", (), tuple(f"{literal(v, real)}," for v in values))
-
-
 def _range_check(names: Names, vector: str, lo: Array, hi: Array, layout: str) -> RangeCheck:
     """Accept a vector in its ranges; NaN fails every comparison, so it is refused as well."""
     what = "The inputs are numbers within their ranges." if vector == "u" else (
         "The measurements are numbers within their ranges.")
     name, count = f"{names.prefix}_{vector}_accepted", f"{names.macro}_N{vector.upper()}"
     if layout == "loop":
-        tables = (_vector_table("least", count, lo, names.real), _vector_table("most", count, hi, names.real))
+        tables = (vector_table("least", count, lo, names.real), vector_table("most", count, hi, names.real))
         return RangeCheck(name, vector, what, (), tables, (count,))
     lines = tuple(f"(in->{vector}[{i}] >= {literal(a, names.real)}) && (in->{vector}[{i}] <= {literal(b, names.real)})"
                   for i, (a, b) in enumerate(zip(lo, hi)))
@@ -338,26 +272,6 @@ def _parameter_check(names: Names, lo: Array, hi: Array) -> RangeCheck:
     return RangeCheck(name, "theta", what, (lines,), (), (), tables)
 
 
-def _cuts(names: Names, t, layout: str) -> tuple[Cut, ...]:
-    """The range of x, and that of z where the coordinates are changed."""
-    sound = "Cut both framers to the declared range of x: sound as long as the state is in it."
-    x = _cut(names, f"{names.prefix}_cut", "x", sound, t.x_lo, t.x_hi, layout)
-    if t.change is None:
-        return (x,)
-    return (x, _cut(names, f"{names.prefix}_cut_z", "z", "Cut both framers to what z = Z x makes of the range of x.",
-                    t.change.z_lo, t.change.z_hi, layout))
-
-
-def _cut(names: Names, name: str, vector: str, what: str, lo: Array, hi: Array, layout: str) -> Cut:
-    count = f"{names.macro}_NX"
-    if layout == "loop":
-        tables = (_vector_table("least", count, lo, names.real), _vector_table("most", count, hi, names.real))
-        return Cut(name, vector, what, (), tables, (count,))
-    lines = tuple(f"{side}[{i}] = {names.prefix}_clip({side}[{i}], {literal(a, names.real)}, {literal(b, names.real)});"
-                  for i, (a, b) in enumerate(zip(lo, hi)) for side in (f"{vector}_lo", f"{vector}_hi"))
-    return Cut(name, vector, what, lines, (), ())
-
-
 def _windows(s, prefix: str) -> tuple[Window, ...]:
     """Debounce m of n: the cheapest test that says at least m of the last n bits are set."""
     m, n = s.debounce
@@ -369,16 +283,6 @@ def _windows(s, prefix: str) -> tuple[Window, ...]:
     if m == n:
         return (Window(mask, f"s->history[i] == {mask}", ()),)
     return (Window(mask, f"{prefix}_ones(s->history[i]) >= {m}U", (f"{prefix}_ones",)),)
-
-
-def _operations(family: str, views: tuple[MapView, ...], more: tuple[MapView, ...], t, n_u: int,
-                n_y: int) -> Operations:
-    """Count the dearest step: residual bounds, the dearer way of moving the framers that a step takes, and ``more``."""
-    residual, forward, blind = (np.array(v.operations) for v in views)
-    moves = np.maximum(forward, blind) if family == "tnl" else forward
-    multiply, add = (int(n) for n in residual + moves + sum(np.array(v.operations) for v in more))
-    n_x, cuts = len(t.x_lo), (t.clamp or family == "tnl") + len(more)
-    return Operations(multiply, add, 2 * n_u + 4 * n_y + (0 if t.shared else n_x) + 4 * n_x * cuts)
 
 
 def _resources(size: int, operations: Operations) -> tuple[str, ...]:

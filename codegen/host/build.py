@@ -23,10 +23,19 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
 
 
 @dataclass(frozen=True)
+class Vector:
+    """An array member of a struct, and how many numbers it has, as C."""
+
+    name: str
+    count: str
+
+
+@dataclass(frozen=True)
 class HostView:
     """What the batch glue's template prints; ``inputs`` is the macro of n_u, or nothing without; so ``parameters``.
 
-    ``boxes`` are the vectors of which the state holds bounds.
+    ``starts`` are the members of the state that another initial box sets; ``answers`` the numbers of the output struct:
+    those that every sample gives, ``always``, then those of a measured one.
     """
 
     prefix: str
@@ -34,7 +43,14 @@ class HostView:
     c_type: str
     inputs: tuple[str, ...]
     parameters: tuple[str, ...]
-    boxes: tuple[str, ...]
+    starts: tuple[Vector, ...]
+    always: tuple[Vector, ...]
+    measured: tuple[Vector, ...]
+
+    @property
+    def answers(self) -> tuple[Vector, ...]:
+        """All of them."""
+        return (*self.always, *self.measured)
 
 
 def build(folder: str | Path) -> Driver:
@@ -61,8 +77,8 @@ def build(folder: str | Path) -> Driver:
         raise ToolError(f"{folder / 'resources.json'}: cannot be read ({type(error).__name__}: {error}). "
                         "Make the folder with residua generate.") from error
     view = HostView(prefix, macro, c_type, (f"{macro}_NU",) if record["n_u"] else (),
-                    (f"{macro}_NTHETA",) if record["n_theta"] else (),
-                    boxes(record))
+                    (f"{macro}_NTHETA",) if record["n_theta"] else (), vectors(record, "state", START),
+                    vectors(record, "out", ALWAYS), vectors(record, "out", MEASURED))
     ffi = cffi.FFI()
     ffi.cdef(declarations(record))
     with tempfile.TemporaryDirectory(prefix="residua-") as scratch:
@@ -94,9 +110,10 @@ def declarations(record: dict) -> str:
                           for name, kind, count in record[struct])
         structs += f"typedef struct {{{members} }} {p}_{struct};\n"
     step = f"({p}_state *s, const {p}_in *in, {p}_out *out);\n"
-    first = " ".join(f"{x}0_lo {x}0_hi" for x in boxes(record))
-    arrays = (("const " + real, "u y theta"), ("const uint32_t", "q"), ("const " + real, first),
-              (real, "x_lo x_hi r_lo r_hi"), ("unsigned char", "any_alarm"), ("uint32_t", "alarm latched raw"),
+    names = {of: " ".join(v.name for v in vectors(record, struct, among))
+             for of, struct, among in (("start", "state", START), ("answer", "out", ALWAYS + MEASURED))}
+    arrays = (("const " + real, "u y theta"), ("const uint32_t", "q"), ("const " + real, names["start"]),
+              (real, names["answer"]), ("unsigned char", "any_alarm"), ("uint32_t", "alarm latched raw"),
               ("unsigned char", "assured"), ("int64_t", "status"))
     arguments = ", ".join(f"{kind} *{name}" for kind, names in arrays for name in names.split())
     return (f"{structs}void {p}_init({p}_state *s);\nvoid {p}_reset({p}_state *s);\n"
@@ -104,19 +121,25 @@ def declarations(record: dict) -> str:
             f"void residua_run(size_t runs, size_t steps, {arguments});\n")
 
 
-def boxes(record: dict) -> tuple[str, ...]:
-    """Name the vectors of which the state holds bounds.
+def vectors(record: dict, struct: str, among: tuple[str, ...]) -> tuple[Vector, ...]:
+    """The members of a struct that are ``among`` some names, in the order of these.
 
     Parameters
     ----------
     record : dict
         Contents of ``resources.json``.
+    struct : {"in", "out", "state"}
+    among : tuple of str
 
     Returns
     -------
-    tuple of str
+    tuple of Vector
     """
-    return ("x", "z") if "change" in record else ("x",)
+    counts = {name: count for name, _, count in record[struct]}
+    return tuple(Vector(name, f"{counts[name]}U") for name in among if name in counts)
 
 
-VECTORS = frozenset({"x_lo", "x_hi", "z_lo", "z_hi", "r_lo", "r_hi", "u", "y", "theta", "history"})
+START = ("x_lo", "x_hi", "z_lo", "z_hi", "x_hat", "shape")
+ALWAYS = ("x_hat", "x_lo", "x_hi")
+MEASURED = ("r_lo", "r_hi", "r", "r_bound")
+VECTORS = frozenset({*START, *ALWAYS, *MEASURED, "u", "y", "theta", "history"})

@@ -10,9 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..observers import Coordinates, Trace
-from ..observers.framer import to_z
-from ..observers.interval import outward
+from ..observers import FAMILIES, Trace
 
 Array = np.ndarray
 NO_MODE = 2**32 - 1  # any mode that does not fit 32 bits: the C refuses it as it refuses every other
@@ -104,26 +102,15 @@ class Driver:
         if copy and q.dtype != np.uint32:
             q = np.where((q < 0) | (q > NO_MODE), NO_MODE, q)
         q = array("q", q, (runs, steps), np.dtype(np.uint32), copy)
-        boxes = [None if x0 is None else np.ascontiguousarray(np.broadcast_to(outward(x0, dtype, side), (runs, n_x)))
-                 for x0, side in ((x0_lo, -np.inf), (x0_hi, np.inf))]
-        boxes += self._changed(boxes, runs, n_x)
-        trace = Trace.empty((runs, steps), n_x, n_y, dtype)
+        family = FAMILIES[self.family]
+        boxes = family.initial(x0_lo, x0_hi, (runs, n_x), self.record, dtype)
+        trace = family.trace_class.empty((runs, steps), n_x, n_y, dtype)
         reads = [self._pointer(a) for a in (u, y, theta, q, *boxes)]
         writes = [self._pointer(a, write=True) for a in (
-            trace.x_lo, trace.x_hi, trace.r_lo, trace.r_hi, trace.alarm, trace.alarm_bits, trace.latched_bits,
+            *trace.numbers(), trace.alarm, trace.alarm_bits, trace.latched_bits,
             trace.raw_bits, trace.assured, trace.status)]
         self.lib.residua_run(runs, steps, *reads, *writes)
         return trace
-
-    def _changed(self, boxes: list[Array | None], runs: int, n_x: int) -> list[Array | None]:
-        """The initial box of z = Z x that belongs to one of x, where the state holds bounds of z too."""
-        if "change" not in self.record:
-            return []
-        if boxes[0] is None and boxes[1] is None:
-            return [None, None]
-        ends = [np.broadcast_to(np.array(self.record["ranges"][name], self.real), (runs, n_x)) if box is None else box
-                for name, box in zip(("x0_lo", "x0_hi"), boxes)]
-        return [np.ascontiguousarray(z) for z in to_z(Coordinates.from_dict(self.record["change"], self.real), *ends)]
 
     def _measured(self, theta, runs: int, steps: int) -> Array:
         """Take the measured columns; none where the firmware reads no parameter."""

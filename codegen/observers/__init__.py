@@ -1,13 +1,20 @@
 """Run-time families: one recursion per file, the numpy step that the C must equal bit for bit."""
 
 from .coordinates import Coordinates
+from .ellipsoid import EllipsoidObserver, EllipsoidTables
 from .framer import FramerTables, Variation
 from .interval import IntervalObserver
+from .point import PointObserver, PointTables
+from .runner import Runner
 from .supervisor import Supervision
+from .thresholds import ThresholdObserver, ThresholdTables
 from .tnl import TnlObserver
-from .trace import Trace
+from .trace import PointTrace, Trace
+from .zonotope import ZonotopeObserver, ZonotopeTables
 
-FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver}
+FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
+            "thresholds": ThresholdObserver, "ellipsoid": EllipsoidObserver}
 
-__all__ = ["FAMILIES", "Coordinates", "FramerTables", "IntervalObserver", "Supervision", "TnlObserver", "Trace",
-           "Variation"]
+__all__ = ["FAMILIES", "Coordinates", "EllipsoidObserver", "EllipsoidTables", "FramerTables", "IntervalObserver",
+           "PointObserver", "PointTables", "PointTrace", "Runner", "Supervision", "ThresholdObserver",
+           "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver", "ZonotopeTables"]

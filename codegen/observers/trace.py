@@ -9,8 +9,27 @@ import numpy as np
 Array = np.ndarray
 
 
+class Rows:
+    """What all traces can do; a trace is a frozen dataclass of arrays with the same leading axes."""
+
+    def row(self, index) -> Rows:
+        """Return one run (or any index of the leading axes) as a trace."""
+        return type(self)(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
+
+    def numbers(self) -> list[Array]:
+        """The fields that are numbers, in their order."""
+        fields = (getattr(self, name) for name in self.__dataclass_fields__)
+        return [value for value in fields if value.dtype.kind == "f"]
+
+    def differs(self, other: Rows) -> list[str]:
+        """Names of the fields in which two traces are not ``==`` (NaN equals NaN)."""
+        return [name for name in self.__dataclass_fields__
+                if not np.array_equal(getattr(self, name), getattr(other, name),
+                                      equal_nan=getattr(self, name).dtype.kind == "f")]
+
+
 @dataclass(frozen=True)
-class Trace:
+class Trace(Rows):
     """Answers of an interval observer; row k is what it says at sample k.
 
     Parameters
@@ -46,12 +65,51 @@ class Trace:
         bits = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
         return cls(*real, np.zeros(shape, bool), *bits, np.zeros(shape, bool), np.zeros(shape, dtype=np.int64))
 
-    def row(self, index) -> Trace:
-        """Return one run (or any index of the leading axes) as a Trace."""
-        return Trace(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
 
-    def differs(self, other: Trace) -> list[str]:
-        """Names of the fields in which two traces are not ``==`` (NaN equals NaN)."""
-        return [name for name in self.__dataclass_fields__
-                if not np.array_equal(getattr(self, name), getattr(other, name),
-                                      equal_nan=getattr(self, name).dtype.kind == "f")]
+@dataclass(frozen=True)
+class PointTrace(Rows):
+    """Answers of a point observer with a residual set; row k is what it says at sample k.
+
+    Parameters
+    ----------
+    x_hat : ndarray (K, n_x)
+        Estimate. NaN where the status is an error that left nothing to say.
+    x_lo, x_hi : ndarray (K, n_x)
+        Bounds of the state: x_hat and the hull of the error set.
+    r : ndarray (K, n_y)
+        Residual, y minus what the estimate expects; NaN at a sample without measurement.
+    r_bound : ndarray (K, n_y)
+        Largest |r| that is possible without a fault.
+    alarm, alarm_bits, latched_bits, raw_bits, assured, status
+        As in ``Trace``; with several outputs the bit after the last means "outside of the set, though each residual
+        is within its bound".
+    """
+
+    x_hat: Array
+    x_lo: Array
+    x_hi: Array
+    r: Array
+    r_bound: Array
+    alarm: Array
+    alarm_bits: Array
+    latched_bits: Array
+    raw_bits: Array
+    assured: Array
+    status: Array
+
+    @property
+    def r_lo(self) -> Array:
+        """Lower bound of what y may be, minus y, as the interval family answers."""
+        return -self.r - self.r_bound
+
+    @property
+    def r_hi(self) -> Array:
+        """Upper bound of what y may be, minus y."""
+        return -self.r + self.r_bound
+
+    @classmethod
+    def empty(cls, shape: tuple[int, ...], n_x: int, n_y: int, dtype) -> PointTrace:
+        """Allocate for runs of the given leading shape, e.g. (K,) or (S, K)."""
+        real = [np.full((*shape, n), np.nan, dtype=dtype) for n in (n_x, n_x, n_x, n_y, n_y)]
+        bits = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
+        return cls(*real, np.zeros(shape, bool), *bits, np.zeros(shape, bool), np.zeros(shape, dtype=np.int64))

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..analysis.detectability import limited, ultimate_errors
 from ..certify.claims import ultimate_width
+from ..observers import PointTables
 from . import parameter_words, words
 from .plant_words import reach
 from .table import Cell, Fact, Folded, Row, Table, table
@@ -160,6 +161,7 @@ def _assumed(design, real: str) -> tuple[str, ...]:
              f"There is one call of step or predict every {words.seconds(plant.sample_period)}.",
              "At init the state is in its initial box; at all times it is in its declared range. The range "
              + ("cuts the bounds at every call." if tables.clamp else
+                "is where the estimate and its set restart after a fault." if isinstance(tables, PointTables) else
                 "is where the bounds restart after a fault, and cuts them while a measurement is missing."),
              "Disturbance and noise keep to the bounds listed above."]
     items += parameter_words.assumed(plant)

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
-from . import words
+from ..observers import PointTables
+from . import point_words, words
 from .table import Fact, Folded, Link, Table, table
 
 FILES = {
@@ -92,6 +93,8 @@ def gains(design, real: str) -> tuple[Folded, ...]:
     tuple of Folded
     """
     t, plant = design.observer.tables[real], design.plant
+    if isinstance(t, PointTables):
+        return point_words.gains(design, real, _matrix)
     x, u, y = ([s.name for s in getattr(plant, vector)] for vector in "xuy")
     sides = ("hi",) if t.shared else ("hi", "lo")
     rows = x if t.change is None else [f"z[{i}]" for i in range(len(x))]  # of the state of the recursion

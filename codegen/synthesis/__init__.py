@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import ModuleType
 
-from . import component_interval, interval, lpv_interval, tnl_interval, tnl_interval_lpv
-from .framers import check_options
+from . import component_interval, ellipsoid, interval, lpv_interval, tnl_interval, tnl_interval_lpv, zonotope
+from .framers import OPTIONS, check_options
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,8 @@ class Method:
     summary, reference : str
     module : module
         ``candidates(plant, ...)`` and ``inapplicable(plant)``.
+    automatic : bool
+        Tried where the plant file names no method.
     """
 
     kinds: tuple[str, ...]
@@ -29,6 +31,13 @@ class Method:
     summary: str
     reference: str
     module: ModuleType
+
+    automatic: bool = True
+
+    @property
+    def framers(self) -> bool:
+        """Whether the observer is a pair of framers; else an estimate with an error set."""
+        return self.family in ("interval", "tnl")
 
     @property
     def tnl(self) -> bool:
@@ -56,6 +65,26 @@ METHODS = {
     "component-interval": Method(("discrete LPV", "continuous LPV"), "interval",
                                  "interval observer for bounded changes of the plant", "Lamouchi (2016)",
                                  component_interval),
+    "zonotope": Method(("discrete switched",), "zonotope", "point observer, residual set a zonotope",
+                       "Zammali (2020), Theorems 19, 20", zonotope, automatic=False),
+    "ellipsoid": Method(("discrete switched",), "ellipsoid", "point observer, residual set an ellipsoid",
+                        "Zammali (2020), Theorem 21", ellipsoid, automatic=False),
 }
+#: Options of every method with an error set.
+SETS = {"set": ("zonotope", "ellipsoid"), "order": (2, 200), "tables": ("none", "dwell"), "rows": (1, 200),
+        "stages": (3, 50), "directions": (2, 64),
+        "gains": dict}
 
-__all__ = ["METHODS", "Method", "check_options"]
+
+def known_options(methods: list[str]) -> dict:
+    """Options that some of the methods read, with what they may be; words of several methods are joined."""
+    known: dict = {}
+    for name in methods:
+        own = OPTIONS if METHODS[name].framers else SETS | METHODS[name].module.OPTIONS
+        for key, allowed in own.items():
+            words = isinstance(allowed, tuple) and isinstance(allowed[0], str)
+            known[key] = tuple(dict.fromkeys((*known.get(key, ()), *allowed))) if words else allowed
+    return known
+
+
+__all__ = ["METHODS", "Method", "check_options", "known_options"]

@@ -25,18 +25,19 @@ OPTIONS = {
 }
 
 
-def check_options(where: str, options: dict) -> None:
-    """Refuse unknown or impossible options.
+def check_options(where: str, options: dict, known: dict | None = None) -> None:
+    """Refuse unknown or impossible options; ``known`` is as ``OPTIONS``, which is the default.
 
     Raises
     ------
     DesignError
     """
+    known = OPTIONS if known is None else known
     for key, value in options.items():
-        if key not in OPTIONS:
+        if key not in known:
             raise DesignError(f"{where}: observer.{key} is no option of this method (expected one of "
-                              f"{', '.join(OPTIONS)}). Remove it or correct its name.")
-        allowed = OPTIONS[key]
+                              f"{', '.join(known)}). Remove it or correct its name.")
+        allowed = known[key]
         if allowed is dict:
             good = isinstance(value, dict)
         elif isinstance(allowed[0], str):

@@ -82,6 +82,9 @@ def prove(folder: str | Path) -> ProofResult:
     folder = Path(folder).resolve()
     record = read_record(folder)
     prefix, inputs = record["prefix"], record["n_u"]
+    if "x_hat" in (name for name, *_ in record.get("out", ())):
+        raise ToolError(f"{folder}: a point observer (found), expected a pair of framers: Frama-C does not follow its "
+                        "error set. residua certify, fuzz and validate check it.")
     sources = [f"{prefix}.c", f"prove_{prefix}.c"]
     for name in sources:
         if not (folder / name).is_file():

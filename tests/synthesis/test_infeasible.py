@@ -94,9 +94,9 @@ CASES = {
         'base: method "tnl-interval" does not apply: D is not zero; the new measurement would need '
         'the new input. Use method "interval".'),
     "unknown method": (
-        GOOD, "zonotope", {},
-        'base: observer.method is "zonotope", expected one of interval, tnl-interval, lpv-interval, '
-        "tnl-interval-lpv, component-interval."),
+        GOOD, "sliding", {},
+        'base: observer.method is "sliding", expected one of interval, tnl-interval, lpv-interval, '
+        "tnl-interval-lpv, component-interval, zonotope, ellipsoid."),
     "unknown option": (
         GOOD, "interval", {"lamda": 0.5},
         "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, lambda, contraction, "

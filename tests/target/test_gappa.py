@@ -27,7 +27,7 @@ from codegen.plant.load import gallery_names, load
 from codegen.plant.uncertain import is_uncertain
 from codegen.target.gappa import prove_rounding, require_rounding
 
-GENERATED = sorted(p.parent for p in (Path(__file__).resolve().parents[2] / "generated").glob("*/design.json"))
+GENERATED = sorted(p.parent for p in (Path(__file__).resolve().parents[2] / "generated").glob("*/rounding_*.g"))
 REALS = ("float32", "float64")
 SMALL = 30  # sums: a larger script is proved in the number type of the plant file only
 PLANTS = [name for name in gallery_names() if load(name).modes and is_uncertain(load(name))]

@@ -14,7 +14,7 @@ from codegen.emit import files
 from codegen.errors import ToolError, ValidationError
 from codegen.target.prove import judge, prove, require
 
-GENERATED = sorted(p.parent for p in (Path(__file__).resolve().parents[2] / "generated").glob("*/design.json"))
+GENERATED = sorted(p.parent for p in (Path(__file__).resolve().parents[2] / "generated").glob("*/prove_*.c"))
 SMALL = {"sizes": (2, 2, 1, 2), "supervision": GUARDED}
 # Layouts and types take turns in both families; one with a clamp, one with a debounce of any window.
 KINDS = [("tnl", layout, real, {}) for layout in ("literal", "table", "loop") for real in ("float32", "float64")]

@@ -1,0 +1,70 @@
+"""Proof of a table of thresholds along a known schedule: exact rationals, and outward rounding for all later laps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..algebra.error_set import ErrorRecursion
+from ..errors import CertificateError
+from .exact import eye, product, rational, up, zeros
+from .rows import WIDER, Generators, Norm, Powers, start
+from .set_bounds import Stay
+
+Array = np.ndarray
+
+
+def prove_schedule(m: ErrorRecursion, H0: Array, lead: Sequence[int], cycle: Sequence[int], claim) -> None:
+    """Prove a table, or say at which sample it does not hold.
+
+    Parameters
+    ----------
+    m : ErrorRecursion
+        With the constants that the firmware holds.
+    H0 : ndarray (n, g)
+        Generators of the first error.
+    lead, cycle : sequence of int
+        The schedule: ``lead``, then ``cycle`` for ever.
+    claim : ScheduleTable
+        Any object with its fields: directions, h and period.
+
+    Raises
+    ------
+    CertificateError
+        The table does not fit the schedule, or a threshold is too small.
+    """
+    P, path = len(cycle), [*lead, *cycle]
+    while len(path) < len(claim.h) + P:
+        path += cycle
+    first = len(claim.h) - P
+    if claim.period != P or (len(claim.h) - len(lead)) % P or first < len(lead) + P:
+        raise CertificateError(f"tables: {len(claim.h)} rows with period {claim.period} (found), expected a lead of "
+                               f"{len(lead)} and at least two laps of {P}.")
+    D, A, C = rational(claim.directions), [rational(x) for x in m.A], [rational(x) for x in m.C]
+    H = rational(H0)
+    for k in range(len(claim.h)):
+        before, q = (path[k - 1] if k else m.start), path[k]
+        row = product(D, C[q])
+        noise = np.array([up(x) for x in abs(product(D, rational(m.V[before, q]))).sum(axis=1)])
+        need = np.array([up(x) for x in abs(product(row, H)).sum(axis=1)])
+        if k >= first:
+            M, W = _lap(m, A, path[k - 1:k + P])
+            near = np.array([[float(x) for x in line] for line in M])
+            norm, added = Norm(near, M), Generators.of_exact(W)
+            stay = Stay(Powers(near, norm, *start(row, norm), 0), added)
+            need = np.maximum(need, stay.ever(Generators.of_exact(H), [added], 0))
+        need = (need + noise) * WIDER
+        if not np.all(need <= claim.h[k]):
+            d = int(np.argmax(~(need <= claim.h[k])))
+            raise CertificateError(f"tables: sample {k}, direction {d}: threshold {claim.h[k][d]:.9g} (found), "
+                                   f"expected at least {need[d]:.9g}.")
+        H = np.concatenate([product(A[q], H), rational(m.W[before, q])], axis=1)
+
+
+def _lap(m: ErrorRecursion, A: list[Array], path: Sequence[int]) -> tuple[Array, Array]:
+    """Exact matrix and generators of the samples of a path but the first, which is only the mode before."""
+    M, W = eye(len(A[0])), zeros(len(A[0]), 0)
+    for before, q in zip(path, path[1:]):
+        W, M = np.concatenate([product(A[q], W), rational(m.W[before, q])], axis=1), product(A[q], M)
+    return M, W

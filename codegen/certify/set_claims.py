@@ -1,0 +1,57 @@
+"""The certificate of a point observer with an error set: the set's own conditions, and the level of the gains."""
+
+from __future__ import annotations
+
+from . import ellipsoids, residual_gain, set_freeze, thresholds
+
+#: What is checked of each kind of set.
+CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check, "ellipsoid": ellipsoids.check}
+
+
+def prove(modes, t, proof: dict, resolve=None, tables: tuple = ()) -> dict:
+    """Make the certificate of the tables of a point observer.
+
+    Parameters
+    ----------
+    modes : sequence
+        The plant's modes.
+    t : PointTables
+    proof : dict
+        Of the gains; kind "none": containment only.
+    resolve : callable, optional
+        See ``residual_gain.prove``.
+    tables : (DwellTable, DwellTable)
+        Of ``thresholds.freeze_thresholds``: where the set is a table.
+
+    Returns
+    -------
+    dict
+        ``check`` accepts it.
+
+    Raises
+    ------
+    CertificateError
+        A condition fails on the emitted constants.
+    """
+    level = dict(proof) if proof["kind"] == "none" else residual_gain.prove(modes, t.L, t.N, proof, resolve)
+    if hasattr(t.shape, "kb"):
+        cert = {**level, "set": "ellipsoid", "steady_box": None}
+        ellipsoids.check(modes, t, cert)
+        return cert
+    if not tables:
+        return set_freeze.prove_zonotope(modes, t, level)
+    cert = thresholds.certificate(*tables, t, level)
+    thresholds.check(modes, t, cert)
+    return cert
+
+
+def check(modes, t, cert: dict) -> list[str]:
+    """Re-check a certificate in exact arithmetic; return what is proved, one sentence per claim.
+
+    Raises
+    ------
+    CertificateError
+        Naming the condition, the mode and by how much it fails.
+    """
+    claims = CHECKS[cert["set"]](modes, t, cert)
+    return claims if cert["kind"] == "none" else claims + residual_gain.check(modes, t.L, t.N, cert)

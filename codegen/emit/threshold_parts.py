@@ -1,0 +1,90 @@
+"""The table of a point observer without set arithmetic, as C."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .cprint import initialiser
+from .families import Member, Word
+from .maps import Names, Table
+from .parts import Operations, Size
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class ThresholdView:
+    """Sizes and tables; ``switches`` has an entry where there are several modes, ``stays`` where there is one.
+
+    ``short`` is the dwell time where it is more than a sample, and the entry of ``switches`` what follows on it.
+
+    ``reads`` is the second parameter of the function that counts, where it needs one.
+    """
+
+    numbers: int
+    sizes: tuple[Size, ...]
+    reads: str
+    switches: tuple[str, ...]
+    short: tuple[str, ...]
+    stays: tuple[str, ...]
+    cap: str
+    limit: Table
+    widths: Table
+    thresholds: Table
+    by_table: tuple[Table, ...]
+
+
+def view(t, names: Names) -> ThresholdView:
+    """Print the tables."""
+    z, m, n_y = t.shape, names.macro, t.C.shape[1]
+    stages, modes, rows, count = z.h.shape
+
+    def nested(name: str, values: Array, size: str) -> Table:
+        lines = []
+        for s in range(stages):
+            lines.append("{")
+            for q in range(modes):
+                lines.append(f"    {{ /* {stage_words(s, z.anew)}, {names.modes[q]} */")
+                lines += [f"        {initialiser(row, t.real)}," for row in values[s, q]]
+                lines.append("    },")
+            lines.append("},")
+        return Table(name, f"[{m}_STAGES][{m}_MODES][{m}_ROWS][{m}_{size}]", (), tuple(lines))
+
+    more = z.directions[n_y:]
+    return ThresholdView(
+        numbers=0,
+        sizes=(Size("STAGES", f"{stages}U", "stages of the table, those from the initial box first"),
+               Size("ANEW", f"{z.anew}U", "first stage of those from anywhere"),
+               Size("ROWS", f"{rows}U", "samples since the mode was entered; the last row is for all later"),
+               Size("DIRECTIONS", f"{count}U", "directions in which the residual has a threshold; the outputs first")),
+        reads=f", const {names.prefix}_in *in" if modes > 1 else "",
+        switches=("if" if z.dwell == 1 else "else if",) * (modes > 1),
+        short=(f"{z.dwell}U",) * (z.dwell > 1),
+        stays=("",) * (modes == 1), cap=f"{z.cap}U",
+        limit=Table("limit", f"[{m}_NX]", (), (initialiser(t.box, t.real).strip("{} ") + ",",)),
+        widths=nested("width", z.hx, "NX"), thresholds=nested("threshold", z.h, "DIRECTIONS"),
+        by_table=(Table("direction", f"[{m}_DIRECTIONS - {m}_NY][{m}_NY]", (),
+                        tuple(f"{initialiser(d, t.real)}," for d in more)),) * bool(len(more)))
+
+
+def stage_words(stage: int, anew: int) -> str:
+    """Name a stage in a comment."""
+    switches = stage if stage < anew else stage - anew
+    return ("from the initial box" if stage < anew else "anew") + (f", after {switches} switches" if switches else "")
+
+
+def state(t, names: Names) -> tuple[list[Member], list[Word], int]:
+    """Numbers and words of the state, and how many numbers."""
+    z = t.shape
+    return [], [("stage", "", f"stage of the table, 0 to {len(z.h) - 1}; {z.anew}: anew"),
+                ("since", "", f"samples since the mode was entered or the table started, at most {z.cap}")], 0
+
+
+def operations(t, views, n_u: int, n_y: int) -> Operations:
+    """Count the dearest step."""
+    n, rows = len(t.box), len(t.shape.directions) - n_y
+    residual, forward, blind = (np.array(v.operations) for v in views)
+    multiply, add = (int(c) for c in residual + np.maximum(forward, blind))
+    return Operations(multiply + rows * n_y, add + rows * n_y + 2 * n, 2 * n_u + 4 * n_y + 4 * n + 2 * rows)

@@ -1,0 +1,307 @@
+"""The set of a point observer: order, weights or table, limit and directions of its test, chosen by simulation."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from .algebra.zonotope import best_direction, fan
+from .analysis.set_tables import dwell_table
+from .certify import thresholds
+from .certify.ellipsoids import freeze_ellipsoid
+from .certify.order import patterns
+from .certify.set_freeze import freeze_estimate, freeze_zonotope
+from .errors import DesignError
+from .observers import (
+    EllipsoidObserver,
+    EllipsoidTables,
+    PointTables,
+    Supervision,
+    ThresholdTables,
+    ZonotopeObserver,
+    ZonotopeTables,
+)
+from .observers.ellipsoid import sandwich
+from .plant.model import Plant
+
+Array = np.ndarray
+#: Set in the options where the plant file says nothing.
+ORDER_MARGIN = 1.05  # widths over those of a large order
+MOST_COLUMNS = 24  # generators of the largest order that is tried without being asked for
+STEPS = 60
+WEIGHTS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.5, 5.0, 10.0)  # 1 + alpha of an ellipsoid's step
+ROWS = (4, 8, 16, 32)  # of a table of thresholds
+STAGES = (3, 5, 8, 12, 20, 32)
+TABLE_MARGIN = 1.1  # last thresholds over those that no number of stages leads below
+
+
+def simulated(t: PointTables, half: Array, paths: Array) -> Array:
+    """Half widths of the bounds of x along mode sequences from the set of a box, (K, S, n_x).
+
+    Parameters
+    ----------
+    t : PointTables
+    half : ndarray (n_x,)
+    paths : ndarray (S, K) int
+
+    Returns
+    -------
+    widths : ndarray (K, S, n_x)
+    """
+    run = ZonotopeObserver({t.real: t}, Supervision())
+    H = run.whole(t, np.broadcast_to(half.astype(t.dtype), (len(paths), len(t.box))))
+    origin, out = np.full(len(paths), t.origins - 1), []
+    for q in paths.T:
+        H = run.moved(t, q, q, origin, H, True)
+        origin = q if t.kind == "tnl" else np.zeros_like(q)
+        out.append(run.radius(t, q, origin, H))
+    return np.array(out, dtype=float)
+
+
+def draft(plant: Plant, gains: dict, order: int, limit: Array, real: str, directions: Array) -> PointTables:
+    """Tables with a sound set of that order, before anything is certified."""
+    modes = plant.observed.modes
+    limits = {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
+    estimate = freeze_estimate(modes, limits, gains, limit, real)
+    return PointTables(**estimate, shape=freeze_zonotope(ZonotopeTables, modes, estimate, order, directions))
+
+
+def sized(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
+    """Choose order, limit and directions of the membership test.
+
+    Parameters
+    ----------
+    plant : Plant
+    gains : dict
+        "L", "N", "kind".
+    options : dict
+        "order", else the smallest whose bounds are within 5 % of those of many generators.
+    dwell : int
+        Samples that every mode lasts at least.
+
+    Returns
+    -------
+    dict
+        "order", "limit", "directions".
+
+    Raises
+    ------
+    DesignError
+        The set grows without bound at this order, or at every order tried.
+    """
+    half = np.max([(plant.limits("x")[1] - plant.limits("x")[0]) / 2, (plant.x0_hi - plant.x0_lo) / 2], axis=0)
+    paths = np.array(patterns(plant.n_modes, dwell, STEPS))
+    none = np.zeros((0, plant.n_y))
+
+    def tried(order: int) -> tuple[PointTables, Array]:
+        t = draft(plant, gains, order, 1e3 * half, "float64", none)
+        return t, simulated(t, half, paths)
+
+    orders = [int(options["order"])] if "order" in options else range(plant.n_x + 1, MOST_COLUMNS + 1)
+    if orders[0] <= plant.n_x:
+        raise DesignError(f"{plant.name}: observer.order is {orders[0]} (found), expected at least {plant.n_x + 1}: "
+                          "one more than the states, for the box and a generator that is kept.")
+    best = settled(tried(2 * MOST_COLUMNS)[1])
+    for order in orders:
+        t, widths = tried(order)
+        steady = settled(widths)
+        if steady is not None and ("order" in options or np.all(steady <= ORDER_MARGIN * best + 1e-12 * half)):
+            break
+        t = None
+    if t is None or best is None:
+        raise DesignError(f"{plant.name}: the set of order {orders[-1]} grows without bound or by more than 5 % beyond "
+                          "that of many generators, expected it to settle. Raise observer.order, declare a dwell time, "
+                          "or take gains that decay faster.")
+    return {"set": "zonotope", "order": order, "limit": 1.25 * np.max(widths, axis=(0, 1)),
+            "directions": directions(plant, t, gains)}
+
+
+def settled(widths: Array) -> Array | None:
+    """Largest half widths in the last third of all sequences; None where they still grow there."""
+    third = len(widths) // 3
+    middle, last = widths[third:2 * third].max(axis=(0, 1)), widths[2 * third:].max(axis=(0, 1))
+    return last if np.all(np.isfinite(last)) and np.all(last <= 1.02 * middle) else None
+
+
+def tabulated(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
+    """Choose directions, rows and stages of a table of thresholds.
+
+    Parameters
+    ----------
+    plant : Plant
+    gains : dict
+        "L", "N", "kind".
+    options : dict
+        "directions" (for two outputs: spread evenly, 8 unless told), "rows", "stages".
+    dwell : int
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    DesignError
+        No table holds for this dwell time.
+    """
+    n_y = plant.n_y
+    if n_y == 2:
+        spread = fan(2 * (int(options.get("directions", 8)) // 2))
+        rows = np.concatenate([np.eye(2), [d for d in spread if np.count_nonzero(d) > 1]])
+    else:
+        rows = np.eye(n_y)
+    chosen = {"directions": rows, "dwell": dwell, "limit": np.zeros(plant.n_x), "set": "thresholds"}
+    if n_y > 2:
+        t = draft(plant, gains, 2 * plant.n_x + plant.n_w + plant.n_v, 1e3 * np.ones(plant.n_x), "float64", rows[:0])
+        chosen["directions"] = np.concatenate([rows, directions(plant, t, gains)])
+    sizes = [(int(options["rows"]), int(options.get("stages", STAGES[0])))] if "rows" in options else sorted(
+        ((r, s) for r in ROWS for s in ((int(options["stages"]),) if "stages" in options else STAGES)),
+        key=lambda pair: pair[0] * pair[1])
+    best, least = np.inf, None
+    for count, stages in sizes:  # the smallest first
+        tried = chosen | {"rows": count, "stages": stages}
+        t, (main, _) = with_table(plant, gains | tried, "float64")
+        least = lowest(plant, t, dwell, chosen["directions"]) if least is None else least
+        above = np.max(ends(main) / least)
+        if above < 0.9 * best:
+            best, found = above, tried
+        if above <= TABLE_MARGIN:
+            return tried
+    return found
+
+
+def ends(table) -> Array:
+    """Thresholds of the last stage on entering a mode and long after, (2, N, m)."""
+    return np.stack([table.h[-1, :, 0], table.h[-1, :, -1]])
+
+
+def lowest(plant: Plant, t: PointTables, dwell: int, rows: Array) -> Array:
+    """``ends`` of a table that starts from no error at all: no number of stages leads below them."""
+    m = thresholds.recursion(plant.observed.modes, t)
+    return ends(dwell_table(m, dwell, np.zeros((plant.n_x, 1)), thresholds.directions_of(t, rows), 8, 3))
+
+
+def with_table(plant: Plant, gains: dict, real: str) -> tuple[PointTables, tuple]:
+    """Tables with thresholds, and where they come from, before anything is certified.
+
+    Raises
+    ------
+    DesignError
+        The errors grow without bound under this dwell time.
+    """
+    modes = plant.observed.modes
+    limits = {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
+    estimate = freeze_estimate(modes, limits, gains, gains["limit"], real)
+    t = SimpleNamespace(**estimate)
+    m, (first, anywhere) = thresholds.recursion(modes, t), thresholds.starts(t)
+    emitted = gains["directions"].astype(real)
+    rows = thresholds.directions_of(t, emitted.astype(float))
+    try:
+        main = dwell_table(m, gains["dwell"], anywhere, rows, gains["rows"], gains["stages"])
+        begin = dwell_table(m, gains["dwell"], first, rows, gains["rows"], 3)
+    except DesignError as error:
+        raise DesignError(f"{plant.name}: {error}") from None
+    shape = thresholds.freeze_thresholds(ThresholdTables, t, main, begin, emitted)
+    return PointTables(**estimate, shape=shape), (main, begin)
+
+
+def weighted(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
+    """Choose the weights of an ellipsoid: those with the smallest set along mode sequences, by simulation.
+
+    Parameters
+    ----------
+    plant : Plant
+    gains : dict
+        "L", "N", "kind".
+    options : dict
+    dwell : int
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    DesignError
+        The set grows without bound for every weight.
+    """
+    half = np.max([(plant.limits("x")[1] - plant.limits("x")[0]) / 2, (plant.x0_hi - plant.x0_lo) / 2], axis=0)
+    paths, found = np.array(patterns(plant.n_modes, dwell, STEPS)), None
+    base = {"set": "ellipsoid", "limit": 8 * np.sqrt(plant.n_x) * half, "directions": np.zeros((0, plant.n_y)),
+            "steady": {"x": half, "x_most": half, "y": np.ones(plant.n_y), "y_most": np.ones(plant.n_y)}}
+    for share in WEIGHTS:
+        tried = base | {"alpha": np.full((2, plant.n_modes), share), "beta": np.full(plant.n_modes, share)}
+        X, R = followed(with_ellipsoid(plant, gains | tried, "float64"), half, paths)
+        third = len(X) // 3
+        middle, last = X[third:2 * third].max(axis=(0, 1)), X[2 * third:].max(axis=(0, 1))
+        size = float(np.sum(np.sqrt(last) / half))
+        if np.all(last <= 1.02 * middle) and (found is None or size < found[0]):
+            found = size, tried, X, R
+    if found is None:
+        raise DesignError(f"{plant.name}: the ellipsoid grows without bound for every weight tried, expected it to "
+                          "settle. Declare a longer dwell time, or take gains that decay faster.")
+    _, tried, X, R = found
+    late = slice(2 * len(X) // 3, None)
+    steady = {"x": np.sqrt(X[late].min(axis=(0, 1))), "x_most": np.sqrt(X.max(axis=(0, 1))),
+              "y": np.sqrt(R[late].min(axis=(0, 1))), "y_most": np.sqrt(R.max(axis=(0, 1)))}
+    tried |= {"steady": steady, "limit": np.maximum(1.25 * steady["x_most"], 1.25 * np.sqrt(plant.n_x) * half)}
+    if plant.n_y > 2:
+        spare = gains | {"order": None}
+        t = draft(plant, spare, 2 * plant.n_x + plant.n_w + plant.n_v, 1e3 * half, "float64", base["directions"])
+        tried["directions"] = directions(plant, t, gains)
+    return tried
+
+
+def followed(t: PointTables, half: Array, paths: Array) -> tuple[Array, Array]:
+    """Diagonals of error (K, S, n_x) and residual shapes (K, S, n_y) along mode sequences from the set of a box."""
+    run = EllipsoidObserver({t.real: t}, Supervision())
+    X = run.whole(t, np.broadcast_to(half, (len(paths), len(half))))
+    i, j = np.arange(len(half)), np.arange(t.C.shape[1])
+    origin, out = np.full(len(paths), t.origins - 1), []
+    with np.errstate(over="ignore", invalid="ignore"):
+        for q in paths.T:
+            R = sandwich(t.shape.gr[q], t.C[q], X, t.shape.V[q, origin], t.shape.kr[q], run.trace(t, X))
+            out.append((X[:, i, i], R[:, j, j]))
+            X = run.moved(t, q, q, origin, X, True)
+            origin = q if t.kind == "tnl" else np.zeros_like(q)
+    return np.array([x for x, _ in out]), np.array([r for _, r in out])
+
+
+def with_ellipsoid(plant: Plant, gains: dict, real: str) -> PointTables:
+    """Tables with an ellipsoid, before anything is certified."""
+    modes = plant.observed.modes
+    limits = {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
+    estimate = freeze_estimate(modes, limits, gains, gains["limit"], real)
+    return PointTables(**estimate, shape=freeze_ellipsoid(
+        EllipsoidTables, modes, estimate, gains["alpha"], gains["beta"], gains["steady"], gains["directions"]))
+
+
+def directions(plant: Plant, t: PointTables, gains: dict) -> Array:
+    """Directions of the membership test for more than two outputs: per fault and mode the best one for its first and
+    its lasting effect.
+    """
+    if plant.n_y <= 2:
+        return np.zeros((0, plant.n_y))
+    rows: list[Array] = []
+    run = ZonotopeObserver({t.real: t}, Supervision())
+    H = run.whole(t, np.zeros((plant.n_modes, plant.n_x), dtype=t.dtype))
+    for _ in range(STEPS):
+        q = np.arange(plant.n_modes)
+        H = run.moved(t, q, q, q if t.kind == "tnl" else 0 * q, H, True)
+    for q, mode in enumerate(plant.observed.modes):
+        N, L, M = (np.asarray(a[q], float) for a in (t.N, t.L, t.M))
+        R = np.concatenate([mode.C @ H[q], t.shape.V[q, q if t.kind == "tnl" else 0]], axis=1)
+        for j in range(plant.n_f):
+            onset = mode.Df[:, j] - mode.C @ N @ mode.Df[:, j]
+            push = (np.eye(len(M)) - N @ mode.C) @ mode.Bf[:, j] - (L + N) @ mode.Df[:, j]
+            for effect in (onset, mode.C @ push, mode.C @ np.linalg.pinv(np.eye(len(M)) - M) @ push + mode.Df[:, j]):
+                if np.linalg.norm(effect) > 1e-9:
+                    found = best_direction(R, effect)
+                    if all(np.linalg.norm(found - s) > 1e-6 for s in rows):
+                        rows.append(found)
+    return np.array(rows).reshape(-1, plant.n_y)
+
+
+#: How the set of each kind is sized.
+CHOICES = {"zonotope": sized, "tables": tabulated, "ellipsoid": weighted}

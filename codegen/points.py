@@ -1,0 +1,106 @@
+"""From gains to a certified point observer: its set is sized (``point_sets``), both are frozen and certified."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from math import ceil
+from types import SimpleNamespace
+
+import numpy as np
+
+from .certify import set_claims
+from .errors import CertificateError, DesignError
+from .observers import PointTables
+from .plant.model import Plant
+from .point_sets import CHOICES, draft, with_ellipsoid, with_table
+from .synthesis.ellipsoid import no_tnl
+from .synthesis.point import PointGains
+from .synthesis.refit import refit
+
+Array = np.ndarray
+
+
+def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple[PointTables, dict]:
+    """Freeze gains and set on one number type and certify them.
+
+    Raises
+    ------
+    CertificateError
+    """
+    resolve = None if proof["kind"] == "none" else partial(refit, plant, proof=proof)
+    if gains["set"] == "ellipsoid":
+        t = with_ellipsoid(plant, gains, real)
+        return t, set_claims.prove(plant.observed.modes, t, proof, resolve)
+    if gains["set"] == "thresholds":
+        t, sources = with_table(plant, gains, real)
+        return t, set_claims.prove(plant.observed.modes, t, proof, resolve, sources)
+    t = draft(plant, gains, gains["order"], gains["limit"], real, gains["directions"])
+    return t, set_claims.prove(plant.observed.modes, t, proof, resolve)
+
+
+def dwell_of(plant: Plant, proof: dict) -> int:
+    """Samples that every mode lasts at least, where the plant file or the proof says so."""
+    s, found = plant.switching, 1
+    if s.average_dwell is not None and s.chatter == 1:
+        found = max(1, int(s.average_dwell / plant.sample_period + 1e-9))
+    if proof.get("rho", 1.0) > 1 and proof.get("chatter", 1) == 1:
+        found = max(found, ceil(proof["dwell_add"] / proof["dwell_drain"]))
+    return found
+
+
+def candidates(plant: Plant, module, options: dict, progress: Callable[[str], None]) -> Iterator[PointGains]:
+    """Gains of the plant file, else those of the method.
+
+    Raises
+    ------
+    DesignError
+        Wrong shapes, or the method has none.
+    """
+    if "gains" not in options:
+        yield from module.candidates(plant, options=options, progress=progress)
+        return
+    given, shape = options["gains"], (plant.n_modes, plant.n_x, plant.n_y)
+    for key in given:
+        if key not in ("L", "N"):
+            raise DesignError(f"{plant.name}: observer.gains.{key} is unknown, expected L or N.")
+    values = {}
+    for key in ("L", "N"):
+        try:
+            values[key] = np.array(given.get(key, np.zeros(shape)), dtype=float)
+        except (TypeError, ValueError):
+            values[key] = np.empty(0)
+        if values[key].shape != shape or not np.all(np.isfinite(values[key])):
+            raise DesignError(f"{plant.name}: observer.gains.{key} has shape {values[key].shape}, expected {shape} "
+                              "finite numbers (one matrix per mode).")
+    kind = "tnl" if np.any(values["N"]) else "luenberger"
+    if kind == "tnl" and no_tnl(plant) is not None:
+        raise DesignError(f"{plant.name}: observer.gains.N: {no_tnl(plant)}. Leave N out.")
+    yield PointGains("gains of the plant file", values["L"], values["N"], kind, {"kind": "none"})
+
+
+def explore(plant: Plant, module, family: str, options: dict,
+            progress: Callable[[str], None]) -> Iterator[SimpleNamespace]:
+    """Certified candidates, ``candidate``, ``gains``, ``tables``, ``cert`` of each; without ``set`` the family's.
+
+    Raises
+    ------
+    DesignError
+        There are no gains, or no order settles.
+    CertificateError
+        Gains were found, none survives rounding.
+    """
+    failure, made = None, []
+    for c in candidates(plant, module, options, lambda text: progress(f"{text} ({len(made)} certified)")):
+        gains = {"L": c.L, "N": c.N, "kind": c.kind}
+        try:
+            choice = CHOICES["tables" if options.get("tables") == "dwell" else options.get("set", family)]
+            gains |= choice(plant, gains, options, dwell_of(plant, c.proof))
+            tables, cert = certified(plant, gains, c.proof, plant.target.real)
+        except (DesignError, CertificateError) as error:
+            failure = error
+            continue
+        made.append(c.label)
+        yield SimpleNamespace(candidate=c, gains=gains, tables=tables, cert=cert)
+    if not made and failure is not None:
+        raise failure

@@ -1,0 +1,148 @@
+"""Certificates of error sets: what holds is accepted, each number tampered with is refused, and files keep it all."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.points import point_design, random_plant
+
+from codegen.certify import set_claims
+from codegen.designs import Design, read_design
+from codegen.errors import CertificateError
+from codegen.observers import PointTables
+
+
+@pytest.fixture(scope="module")
+def designs():
+    """A zonotope and a table, both of a TNL observer."""
+    plant = random_plant(seed=1)
+    return {"zonotope": point_design(plant, "tnl", order=6),
+            "thresholds": point_design(plant, "tnl", tables="dwell", dwell=2, rows=4, stages=3),
+            "ellipsoid": point_design(plant, "tnl", set="ellipsoid")}
+
+
+def smaller(value, share=0.9):
+    """The same numbers, nearer to zero."""
+    return (value * value.dtype.type(share)).astype(value.dtype)
+
+
+ZONOTOPE = {
+    "e": lambda t, c: (shape(t, e=smaller(t.shape.e)), c),
+    "spread": lambda t, c: (shape(t, spread=smaller(t.shape.spread)), c),
+    "rho": lambda t, c: (shape(t, rho=smaller(t.shape.rho)), c),
+    "slack": lambda t, c: (shape(t, slack=smaller(t.shape.slack)), c),
+    "floor": lambda t, c: (shape(t, floor=t.shape.floor * 0), c),
+    "a generator of a step": lambda t, c: (shape(t, F=smaller(t.shape.F, 0.999)), c),
+    "a generator of a blind step": lambda t, c: (shape(t, Fb=smaller(t.shape.Fb, 0.999)), c),
+    "noise of the residual": lambda t, c: (shape(t, V=smaller(t.shape.V, 0.999)), c),
+    "a column left out": lambda t, c: (shape(t, F=t.shape.F[..., 1:]), c),
+    "order": lambda t, c: (shape(t, order=2), c),
+    "L": lambda t, c: (replace(t, L=smaller(t.L, 0.999)), c),
+    "N": lambda t, c: (replace(t, N=smaller(t.N, 0.999)), c),
+    "M": lambda t, c: (replace(t, M=smaller(t.M, 0.999)), c),
+    "centre": lambda t, c: (replace(t, d=t.d + np.float32(1e-3)), c),
+    "kind": lambda t, c: (replace(t, kind="luenberger"), c),
+    "box": lambda t, c: (replace(t, box=smaller(t.box)), c),
+    "limit": lambda t, c: (replace(t, limit=smaller(t.limit, 0.1), box=t.box), c),
+    "width": lambda t, c: (t, c | {"steady_box": c["steady_box"] | {"width": [1e-9] * 3}}),
+    "hull": lambda t, c: (t, c | {"steady_box": c["steady_box"] | {"half": [1e-9] * 3}}),
+}
+THRESHOLDS = {
+    "threshold": lambda t, c: (shape(t, h=smaller(t.shape.h)), c),
+    "the last row": lambda t, c: (shape(t, h=rows(t.shape.h, slice(-1, None))), c),
+    "the first stage": lambda t, c: (shape(t, h=np.concatenate([smaller(t.shape.h[:1]), t.shape.h[1:]])), c),
+    "bounds of x": lambda t, c: (shape(t, hx=smaller(t.shape.hx)), c),
+    "anew": lambda t, c: (shape(t, anew=1), c),
+    "direction": lambda t, c: (shape(t, directions=-t.shape.directions[::-1]), c),
+    "dwell": lambda t, c: (shape(t, dwell=1), c),
+    "boxes": lambda t, c: (t, c | {"main": c["main"] | {"boxes": (0.5 * np.array(c["main"]["boxes"])).tolist()}}),
+    "L": lambda t, c: (replace(t, L=smaller(t.L, 0.99)), c),
+    "box": lambda t, c: (replace(t, box=t.box * np.float32(1.5)), c),
+    "width": lambda t, c: (t, c | {"steady_box": c["steady_box"] | {"width": [1e-9] * 3}}),
+}
+
+
+ELLIPSOID = {
+    "noise of a step": lambda t, c: (shape(t, H=smaller(t.shape.H, 0.9999)), c),
+    "noise of a blind step": lambda t, c: (shape(t, Hb=smaller(t.shape.Hb, 0.9999)), c),
+    "noise of the residual": lambda t, c: (shape(t, V=smaller(t.shape.V, 0.9999)), c),
+    "not symmetric": lambda t, c: (shape(t, H=t.shape.H + np.triu(np.abs(t.shape.H) * np.float32(1e-6), 1)), c),
+    "weight": lambda t, c: (shape(t, g=smaller(t.shape.g, 0.99)), c),
+    "weight below one": lambda t, c: (shape(t, gr=smaller(t.shape.gr, 0.1)), c),
+    "rounding of a step": lambda t, c: (shape(t, k=smaller(t.shape.k)), c),
+    "rounding of the residual": lambda t, c: (shape(t, kr=smaller(t.shape.kr)), c),
+    "trace": lambda t, c: (shape(t, weight=smaller(t.shape.weight, 0.25)), c),
+    "trace of odd weights": lambda t, c: (shape(t, weight=smaller(t.shape.weight, 0.5)), c),
+    "slope": lambda t, c: (shape(t, a=smaller(t.shape.a)), c),
+    "offset of a residual": lambda t, c: (shape(t, by=smaller(t.shape.by)), c),
+    "spread": lambda t, c: (shape(t, spread=smaller(t.shape.spread)), c),
+    "slack": lambda t, c: (shape(t, slack=smaller(t.shape.slack)), c),
+    "floor": lambda t, c: (shape(t, floor=t.shape.floor * 0), c),
+    "L": lambda t, c: (replace(t, L=smaller(t.L, 0.999)), c),
+    "box": lambda t, c: (replace(t, box=smaller(t.box)), c),
+}
+
+
+def shape(t: PointTables, **changes) -> PointTables:
+    """Other numbers in the set's tables."""
+    return replace(t, shape=replace(t.shape, **changes))
+
+
+def rows(h, which):
+    """Some rows of the table smaller."""
+    out = h.copy()
+    out[:, :, which] = smaller(out[:, :, which])
+    return out
+
+
+@pytest.mark.parametrize("real", ["float32", "float64"])
+@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid"])
+def test_what_holds_is_accepted(family, real, designs):
+    design = designs[family]
+    claims = set_claims.check(design.plant.modes, design.observer.tables[real], design.certificate[real])
+    assert "no false alarm" in claims[0] and real in claims[0]
+
+
+@pytest.mark.parametrize("what", ZONOTOPE)
+def test_a_zonotope_tampered_with_is_refused(what, designs):
+    check(designs["zonotope"], ZONOTOPE[what])
+
+
+@pytest.mark.parametrize("what", THRESHOLDS)
+def test_a_table_tampered_with_is_refused(what, designs):
+    check(designs["thresholds"], THRESHOLDS[what])
+
+
+@pytest.mark.parametrize("what", ELLIPSOID)
+def test_an_ellipsoid_tampered_with_is_refused(what, designs):
+    check(designs["ellipsoid"], ELLIPSOID[what])
+
+
+def check(design: Design, tamper) -> None:
+    """The certificate no longer holds for the changed numbers."""
+    t, cert = tamper(design.observer.tables["float32"], design.certificate["float32"])
+    with pytest.raises(CertificateError, match=r"certificate: |tables: "):
+        set_claims.check(design.plant.modes, t, cert)
+
+
+@pytest.mark.parametrize("change", [{"D": np.ones((2, 1))}, {"C": np.ones((2, 3))}])
+def test_a_gain_on_the_new_output_asks_for_a_plain_output(change, designs):
+    """N y+ would hold the new input, or the C of another mode: refused although every number is in order."""
+    design = designs["zonotope"]
+    modes = [design.plant.modes[0], replace(design.plant.modes[1], **change), design.plant.modes[2]]
+    with pytest.raises(CertificateError, match="beside a gain N"):
+        set_claims.check(modes, design.observer.tables["float32"], design.certificate["float32"])
+
+
+@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid"])
+def test_design_json_keeps_every_number(family, designs, tmp_path):
+    """Tables and family come back as they were written."""
+    from helpers.points import TOML
+
+    made = designs[family]
+    plant = replace(made.plant, text=TOML)
+    back = read_design(replace(made, plant=plant).save(tmp_path / "design.json"))
+    assert type(back.observer) is type(made.observer)
+    for real, t in made.observer.tables.items():
+        assert back.observer.tables[real].to_dict() == t.to_dict()
+        assert back.observer.tables[real].M.dtype == t.dtype
