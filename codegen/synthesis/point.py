@@ -12,6 +12,7 @@ from scipy.linalg import eigh
 
 from ..algebra.dwell import ratio, shortest
 from ..errors import DesignError
+from .framers import POLYTOPIC
 from .problem import Problem
 
 Array = np.ndarray
@@ -179,6 +180,8 @@ def check_open(plant, options: dict, name: str) -> None:
 
 def common_reason(plant) -> str | None:
     """Why a plant cannot have a point observer with a set of residuals, with what to change; None if it can."""
+    if plant.polytope is not None:
+        return POLYTOPIC
     if plant.kind != "discrete":
         return "the plant is continuous, expected discrete. Use method \"lpv-interval\"."
     if plant.theta:

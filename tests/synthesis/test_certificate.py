@@ -299,7 +299,19 @@ def other_coordinates(cert=None, **changes):
     return act
 
 
+def mixed(**changes):
+    """The certificate of a table whose entries take the opposite bound, changed."""
+    def act(design):
+        return check(design.plant.observed.modes, design.observer.tables["float32"],
+                     {**design.certificate["float32"], **changes})
+    return act
+
+
 MESSAGES = [
+    (r"the error boxes of both framers differ, expected equal ones", "lamouchi component-interval",
+     mixed(steady_box={"hi": [9.0, 9.0], "lo": [8.0, 8.0], "width": [17.0, 17.0]})),
+    (r"follows each framer's error by itself, but entries of T A - L C take", "lamouchi component-interval",
+     mixed(kind="linf", lam=0.1, mu=1.0, rho=1.0)),
     (r"no level mu satisfies the Lyapunov inequality", "linf", prove_linf(lam=0.97)),
     (r"no box holds the framer errors of all modes", "linf", box_refusal),
     (r"level 0\.001 claimed, only \d", "linf", with_cert(level=0.001)),
