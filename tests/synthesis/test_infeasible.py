@@ -100,8 +100,8 @@ CASES = {
     "unknown option": (
         GOOD, "interval", {"lamda": 0.5},
         "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, lambda, contraction, "
-        "sampling, interpolation, design, decay, metzler, coordinates, gain_cap, evaluations, within, gains). Remove it "
-        "or correct its name."),
+        "sampling, interpolation, design, decay, metzler, coordinates, gain_cap, evaluations, within, gains). Remove "
+        "it or correct its name."),
     "criterion": (
         GOOD, "interval", {"criterion": "best"},
         "base: observer.criterion is 'best', "
