@@ -121,7 +121,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     CertificateError
         Designs were found, but none survives rounding.
     """
-    plant = replace(plant, options=dict(options))  # how it is sampled is one of them
+    if options != plant.options:  # how it is sampled is one of them; the plant keeps its sampled form where it can
+        plant = replace(plant, options=dict(options))
     methods = [method] if method else [name for name, m in METHODS.items() if m.automatic]
     for name in methods:
         if name not in METHODS:

@@ -25,3 +25,15 @@ def support(A: Array, lo: Array, hi: Array) -> Array:
 def half(lo: Array, hi: Array) -> Array:
     """Half width of a box."""
     return (hi - lo) / 2.0
+
+
+def with_products(lo, hi, products) -> tuple[list, list]:
+    """Bounds of parameters with those of their products behind them; floats or rationals.
+
+    Parameters
+    ----------
+    lo, hi : sequences of number (J,)
+    products : sequence of (int, int)
+    """
+    ends = [[a * b for a in (lo[j], hi[j]) for b in (lo[k], hi[k])] for j, k in products]
+    return [*lo, *map(min, ends)], [*hi, *map(max, ends)]

@@ -29,8 +29,6 @@ keeps farther from the ends of its range than the fault has moved the bounds pas
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 
 from ..algebra.interval import neg, pos, support
@@ -63,9 +61,8 @@ def of_x_errors(t, tails) -> tuple[Array, Array]:
     """Bounds on both errors of x for those of the state; the offsets b count twice, as they cover their rounding."""
     if t.change is None:
         return tails
-    X, (z_hi, z_lo) = t.change.X.astype(float), tails
-    return (pos(X) @ z_hi + neg(X) @ z_lo + 2 * abs(t.change.b_hi.astype(float)),
-            pos(X) @ z_lo + neg(X) @ z_hi + 2 * abs(t.change.b_lo.astype(float)))
+    hi, lo = np.split(of_x(t, np.concatenate(tails)), 2)
+    return hi + 2 * abs(t.change.b_hi.astype(float)), lo + 2 * abs(t.change.b_lo.astype(float))
 
 
 def steps_of(t) -> list[tuple[int, Array, Array, Array]]:
@@ -73,11 +70,7 @@ def steps_of(t) -> list[tuple[int, Array, Array, Array]]:
     out, vary = [], t.vary
     for q in range(len(t.M_hi)):
         M, L, N = (np.asarray(getattr(t, f"{k}_hi")[q], float) for k in "MLN")
-        ends = list(zip(vary.theta_lo[q].astype(float), vary.theta_hi[q].astype(float)))
-        for j, k in vary.products:  # one parameter more each, with bounds of its own
-            values = [a * b for a in ends[j] for b in ends[k]]
-            ends.append((min(values), max(values)))
-        for corner in product(*ends):
+        for corner in vary.corners(q):
             M_at, L_at = (base + np.tensordot(corner[:len(slopes[q])], slopes[q].astype(float), 1)
                           for base, slopes in ((M, vary.M), (L, vary.L)))
             same, opposite = np.where(t.flipped[q], 0.0, M_at), np.where(t.flipped[q], -M_at, 0.0)

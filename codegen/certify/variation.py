@@ -12,6 +12,7 @@ from itertools import product as corners_of
 import numpy as np
 from flint import fmpq
 
+from ..algebra.interval import with_products
 from .exact import Q, down, product, rational, up, zeros
 from .rounding import input_error, sum_error
 
@@ -35,12 +36,6 @@ def exact_mode(mode, sizes: tuple[int, int]) -> dict[str, Array]:
         [-1] * len(out["A_unc"]))
     out["box_lo"], out["box_hi"] = with_products(out["theta_lo"], out["theta_hi"], out["products"])
     return out
-
-
-def with_products(lo, hi, products) -> tuple[list, list]:
-    """Bounds of parameters with those of their products behind them."""
-    ends = [[a * b for a in (lo[j], hi[j]) for b in (lo[k], hi[k])] for j, k in products]
-    return [*lo, *map(min, ends)], [*hi, *map(max, ends)]
 
 
 def computed_box(lo, hi, products, real: str) -> tuple[list, list]:

@@ -32,6 +32,7 @@ from itertools import product
 
 import numpy as np
 
+from ..algebra.interval import with_products
 from .coordinates import Coordinates
 
 Array = np.ndarray
@@ -114,9 +115,7 @@ class Variation:
 
     def corners(self, q: int) -> Array:
         """Corners of the box of theta and of its products in mode q, float64 (2^n, n)."""
-        lo, hi = self.theta_lo[q].astype(float), self.theta_hi[q].astype(float)
-        ends = [[a * b for a in (lo[j], hi[j]) for b in (lo[k], hi[k])] for j, k in self.products]
-        box = [*zip(lo, hi), *((min(e), max(e)) for e in ends)]
+        box = list(zip(*with_products(self.theta_lo[q].astype(float), self.theta_hi[q].astype(float), self.products)))
         return np.array(list(product(*box)), dtype=float).reshape(2 ** len(box), len(box))
 
     def slack(self, change: Array) -> Array:

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..algebra.interval import with_products
 from .model import Mode, Plant
 
 Array = np.ndarray
@@ -64,10 +65,8 @@ class UncertainMode(Mode):
     @property
     def box(self) -> tuple[Array, Array]:
         """Bounds of the measured parameters and of their products, float64 to nearest; (J + products,) each."""
-        ends = [np.multiply.outer((self.theta_lo[j], self.theta_hi[j]), (self.theta_lo[k], self.theta_hi[k])).ravel()
-                for j, k in self.products]
-        lo, hi = ([end(e) for e in ends] for end in (min, max))
-        return np.array([*self.theta_lo, *lo]), np.array([*self.theta_hi, *hi])
+        lo, hi = with_products(self.theta_lo, self.theta_hi, self.products)
+        return np.array(lo), np.array(hi)
 
 
 def is_uncertain(plant: Plant) -> bool:
