@@ -4,6 +4,8 @@ from .coordinates import Coordinates
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
 from .framer import FramerTables, Variation
 from .interval import IntervalObserver
+from .mode_observer import ModeObserver, ModeTrace
+from .mode_tables import ModeTables
 from .point import PointObserver, PointTables
 from .runner import Runner
 from .supervisor import Supervision
@@ -13,8 +15,9 @@ from .trace import PointTrace, Trace
 from .zonotope import ZonotopeObserver, ZonotopeTables
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
-            "thresholds": ThresholdObserver, "ellipsoid": EllipsoidObserver}
+            "thresholds": ThresholdObserver, "ellipsoid": EllipsoidObserver, "mode": ModeObserver}
 
 __all__ = ["FAMILIES", "Coordinates", "EllipsoidObserver", "EllipsoidTables", "FramerTables", "IntervalObserver",
-           "PointObserver", "PointTables", "PointTrace", "Runner", "Supervision", "ThresholdObserver",
-           "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver", "ZonotopeTables"]
+           "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace", "Runner",
+           "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "Variation",
+           "ZonotopeObserver", "ZonotopeTables"]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.linalg import expm
 
-from codegen.observers.mode_set import ModeTables
+from codegen.observers import ModeTables
 from codegen.plant.load import loads
 from codegen.synthesis.mode_tables import tables_of
 

@@ -14,7 +14,8 @@ from codegen.analysis.mode_distinguishability import distinguishability
 from codegen.certify.mode_claims import certify_delays
 from codegen.certify.mode_delay import Course, Program, Story, survival
 from codegen.errors import CertificateError, DesignError
-from codegen.observers.mode_set import ModeSet, ModeState, ModeTables
+from codegen.observers import ModeTables
+from codegen.observers.mode_set import ModeSet, ModeState
 from codegen.plant.load import load
 from codegen.synthesis.mode_tables import coordinates, tables_of
 from tests.helpers.modes import DWELL, course, example, tables
@@ -58,10 +59,10 @@ class NoBirths(ModeSet):
 class Forgetful(ModeSet):
     """Children are born by the decided mode only after its first sample as established."""
 
-    def _carry(self, state, u):
-        kept = state.alive.copy()
-        super()._carry(state, u)
-        state.alive[:, 0] &= kept[:, -2].any()
+    def carry(self, state, u):
+        out = super().carry(state, u)
+        out.alive[:, 0] &= state.alive[:, -2].any()
+        return out
 
 
 def changed(**factors):
