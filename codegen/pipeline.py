@@ -141,6 +141,8 @@ def period_curve(made: Design, progress: Progress = silent) -> list[PeriodPoint]
     -------
     list of PeriodPoint
     """
+    if not METHODS[made.method].framers:
+        return []
     if made.plant.kind != "continuous" or made.observer.tables[made.plant.target.real].change is not None:
         return []
     method, tables = METHODS[made.method], made.observer.tables[made.plant.target.real]

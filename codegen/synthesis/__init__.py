@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import ModuleType
 
-from . import component_interval, ellipsoid, interval, lpv_interval, tnl_interval, tnl_interval_lpv, zonotope
+from . import component_interval, ellipsoid, interval, lpv_interval, mode_set, tnl_interval, tnl_interval_lpv, zonotope
 from .framers import OPTIONS, check_options
 
 
@@ -40,6 +40,11 @@ class Method:
         return self.family in ("interval", "tnl")
 
     @property
+    def estimates_mode(self) -> bool:
+        """Whether it finds the mode that other observers are told."""
+        return self.family == "mode"
+
+    @property
     def tnl(self) -> bool:
         """Whether N is a variable of the design."""
         return self.family == "tnl"
@@ -69,6 +74,8 @@ METHODS = {
                        "Zammali (2020), Theorems 19, 20", zonotope, automatic=False),
     "ellipsoid": Method(("discrete switched",), "ellipsoid", "point observer, residual set an ellipsoid",
                         "Zammali (2020), Theorem 21", ellipsoid, automatic=False),
+    "mode-set": Method(("continuous switched, mode unknown",), "mode", "the modes that are still possible",
+                       "own; task of Zammali (2020), chapter 4", mode_set, automatic=False),
 }
 #: Options of every method with an error set.
 SETS = {"set": ("zonotope", "ellipsoid"), "order": (2, 200), "tables": ("none", "dwell"), "rows": (1, 200),
@@ -80,7 +87,8 @@ def known_options(methods: list[str]) -> dict:
     """Options that some of the methods read, with what they may be; words of several methods are joined."""
     known: dict = {}
     for name in methods:
-        own = OPTIONS if METHODS[name].framers else SETS | METHODS[name].module.OPTIONS
+        entry = METHODS[name]
+        own = OPTIONS if entry.framers else entry.module.OPTIONS if entry.estimates_mode else SETS | entry.module.OPTIONS
         for key, allowed in own.items():
             words = isinstance(allowed, tuple) and isinstance(allowed[0], str)
             known[key] = tuple(dict.fromkeys((*known.get(key, ()), *allowed))) if words else allowed

@@ -259,7 +259,7 @@ def check(plant) -> None:
             if not np.array_equal(getattr(m, name), getattr(first, name)):
                 raise DesignError(f'{plant.name}: mode-set needs {name} common to all modes (mode "{m.name}" has '
                                   "its own). Widen the noise to cover both.")
-    for vector in "xu":
+    for vector in "xuy":
         for s in getattr(plant, vector):
             if not np.isfinite(s.lo) or not np.isfinite(s.hi):
                 raise DesignError(f'{plant.name}: mode-set needs a range of "{s.name}" in signals.{vector}. Add it.')
