@@ -23,13 +23,15 @@ class Range:
 
 @dataclass(frozen=True)
 class FuzzView:
-    """What the harness prints; ``inputs`` is the number of inputs, or nothing without; so ``parameters``."""
+    """What the harness prints; ``inputs`` is the number of inputs, or nothing without; so ``parameters`` and
+    ``told``, the mode."""
 
     prefix: str
     macro: str
     ranges: tuple[Range, ...]
     inputs: tuple[str, ...]
     parameters: tuple[str, ...]
+    told: tuple[str, ...]
 
 
 def fuzz_harness(record: dict) -> str:
@@ -56,4 +58,5 @@ def fuzz_harness(record: dict) -> str:
                    for name in RANGES if record["ranges"].get(name))
     return render("harness/fuzz.c.jinja", h=FuzzView(record["prefix"], macro, ranges,
                                                      (f"{macro}_NU",) if record["n_u"] else (),
-                                                     (f"{macro}_NTHETA",) if record["n_theta"] else ()))
+                                                     (f"{macro}_NTHETA",) if record["n_theta"] else (),
+                                                     tuple(name for name, *_ in record["in"] if name == "mode")))

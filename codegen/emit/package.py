@@ -12,6 +12,7 @@ from pathlib import Path
 
 from .. import __version__
 from ..errors import EmitError
+from ..observers import ModeTables
 from ..target import metrics
 from . import golden
 from .gappa import rounding
@@ -79,6 +80,7 @@ def resources(d: DesignView, design) -> dict:
         ranges |= {name: getattr(t.change, name).astype(float).tolist() for name in ("z_lo", "z_hi")}
     theta = {} if not d.theta else {name: getattr(t.vary, name).astype(float).tolist()
                                     for name in ("theta_lo", "theta_hi")}
+    own = {"mode": {"S": t.S.tolist(), "ages": t.ages}} if isinstance(t, ModeTables) else {}
     return {"generator": f"residua {d.version}", "prefix": d.prefix, "macro": d.macro, "real": d.real,
             "layout": d.layout, "family": d.family, "certificate": design.digest,
             "n_x": len(d.x), "n_u": len(d.u), "n_y": len(d.y), "n_theta": len(d.theta),
@@ -87,12 +89,12 @@ def resources(d: DesignView, design) -> dict:
                (("in", d.in_fields), ("out", d.out_fields), ("state", d.state_fields))},
             "state_bytes": d.state_bytes,
             "operations_per_step": asdict(d.operations), "supervision": s.to_dict(), "ranges": ranges | theta,
-            **({} if t.change is None else {"change": t.change.to_dict()})}
+            **own, **({} if t.change is None else {"change": t.change.to_dict()})}
 
 
 def _members(d: DesignView, fields) -> list[list]:
     """Describe a struct as [name, "real" or "uint32", number of elements]."""
-    sizes = {"NX": d.x, "NU": d.u, "NY": d.y, "NTHETA": d.theta, "BITS": d.bits}
+    sizes = {"NX": d.x, "MODES": d.modes, "NU": d.u, "NY": d.y, "NTHETA": d.theta, "BITS": d.bits}
     counts = {f"[{d.macro}_{name}]": len(channels) for name, channels in sizes.items()} | {"": 1}
     counts |= {f"[{d.macro}_NSHAPE]": z.numbers for z in d.sets}
     return [[f.name, "uint32" if f.type == "uint32_t" else "real", counts[f.size]] for f in fields]

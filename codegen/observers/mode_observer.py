@@ -29,22 +29,25 @@ class ModeTrace(Trace):
         The decision.
     mode_set, settled_set : ndarray (K,) uint32
         Bit masks of the modes that are possible, and of those among them that do not date from the last period.
+    age : ndarray (K,) uint32
+        Samples since when the decided mode may be active; the oldest age means so long or longer.
     """
 
     mode: Array
     mode_set: Array
     settled_set: Array
+    age: Array
 
     @classmethod
     def empty(cls, shape: tuple[int, ...], n_x: int, n_y: int, dtype) -> ModeTrace:
         """Allocate for runs of the given leading shape, e.g. (K,) or (S, K)."""
         own = Trace.empty(shape, n_x, n_y, dtype)
-        words = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
+        words = [np.zeros(shape, dtype=np.uint32) for _ in range(4)]
         return cls(*(getattr(own, name) for name in Trace.__dataclass_fields__), *words)
 
     def words(self) -> list[Array]:
         """The fields that other families do not have, in their order."""
-        return [self.mode, self.mode_set, self.settled_set]
+        return [self.mode, self.mode_set, self.settled_set, self.age]
 
 
 class ModeObserver(Runner):
@@ -104,7 +107,8 @@ class ModeObserver(Runner):
         judged = on & measured
         out.x_lo[on], out.x_hi[on] = x_lo[on], x_hi[on]
         out.r_lo[judged], out.r_hi[judged] = r_lo[judged], r_hi[judged]
-        for field, values in ((out.mode, mode), (out.mode_set, pack_modes(now.alive)),
+        oldest = t.ages - np.argmax(now.alive.any(axis=1)[:, ::-1], axis=1)
+        for field, values in ((out.mode, mode), (out.age, oldest), (out.mode_set, pack_modes(now.alive)),
                               (out.settled_set, pack_modes(now.alive[..., 1:]))):
             field[on] = values[on]
         out.raw_bits[judged] = raw[judged]
