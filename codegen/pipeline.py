@@ -297,6 +297,10 @@ def require(made: Design, real: str, outcomes: list[Outcome]) -> None:
             raise ValidationError(f'scenario "{o.scenario.name}": C and reference differ in '
                                   f'{", ".join(o.differences)}, expected ==. '
                                   "Check the compiler for -ffast-math or contraction.")
+        if o.late:
+            raise ValidationError(f'scenario "{o.scenario.name}": a mode ruled out by then was decided for at {o.late} '
+                                  "samples, expected none. Does the scenario keep to the declared bounds and dwell "
+                                  "time?")
         if o.lost or o.false_alarms:
             raise ValidationError(f'scenario "{o.scenario.name}": {o.lost} samples outside the bounds and '
                                   f"{o.false_alarms} false alarms (found), expected none. Does the scenario keep to "

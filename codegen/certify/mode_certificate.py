@@ -106,8 +106,8 @@ def sentences(plant, t, cert: dict) -> list[str]:
     each = "; ".join(f'"{names[i]}" to "{names[j]}" {cert["old"][i][j]} and {cert["identified"][i][j]}'
                      for i, j in pairs)
     return [
-        "the true mode is in mode_set and x_lo <= x <= x_hi at every sample while no fault acts, through switches too, "
-        f"which may fall at any instant, {time(t.ages + 1)} apart at least; so there is no false alarm; rounding "
+        "the true mode is in mode_set and x_lo <= x <= x_hi at every sample while no fault acts, so that no alarm is "
+        f"false, through switches too: they may fall at any instant, {time(t.ages + 1)} apart at least; rounding "
         f"included ({t.real}, with or without fused multiply-add)",
         f"a switch is identified within {time(cert['worst'])} of it: from then to the next switch mode is the true one, "
         f"where switches are {time(cert['dwell'])} apart at least and no measurement is missing",

@@ -114,7 +114,8 @@ class Claims:
         """Stories with these widths."""
         return Course(self.t, *self.x, *self.u, widths)
 
-    def survivals(self, course: Course, guess: tuple[dict, dict] = ({}, {}), switched: bool = True) -> tuple[dict, dict]:
+    def survivals(self, course: Course, guess: tuple[dict, dict] = ({}, {}),
+                  switched: bool = True) -> tuple[dict, dict]:
         """Of the old mode after a switch (where asked for), and of a child while the mode stays."""
         old = {(i, j): survival(course, Story(i, j, i), self.horizon, guess[0].get((i, j)))
                for i, j in (self.pairs if switched else ())}

@@ -24,7 +24,8 @@ class Range:
 @dataclass(frozen=True)
 class FuzzView:
     """What the harness prints; ``inputs`` is the number of inputs, or nothing without; so ``parameters`` and
-    ``told``, the mode."""
+    ``told``, the mode.
+    """
 
     prefix: str
     macro: str

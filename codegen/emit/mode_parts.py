@@ -17,10 +17,11 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class ModeView:
-    """Sizes, and the tables of each function; ``inputs`` holds the macro of n_u, or nothing without.
+    """Sizes, and the tables of each function.
 
-    ``unread`` is the parameter that a period without inputs does not read, ``feeds`` is D where it is not zero, ``driven`` and ``jump_driven`` what inputs do in a period and in one with a
-    switch, ``numbers`` the length of the state's boxes at one side.
+    ``numbers`` is the length of the state's boxes at one side, ``feeds`` D where it is not zero, ``driven`` and
+    ``jump_driven`` what inputs do in a period and in one with a switch. ``inputs`` holds the macro of n_u, or nothing
+    without; ``unread`` then the parameter that is not read.
     """
 
     numbers: int

@@ -23,8 +23,8 @@ class ModeTrace(Trace):
     Parameters
     ----------
     x_lo, x_hi, r_lo, r_hi, alarm, alarm_bits, latched_bits, raw_bits, assured, status
-        As in ``Trace``; r_lo, r_hi are about what the modes possible before this sample expect, bit 0 of the alarm means
-        that no mode explains the measurements.
+        As in ``Trace``; r_lo, r_hi are about what the modes possible before this sample expect, bit 0 of the alarm
+        means that no mode explains the measurements.
     mode : ndarray (K,) uint32
         The decision.
     mode_set, settled_set : ndarray (K,) uint32
@@ -73,6 +73,10 @@ class ModeObserver(Runner):
             filled[:, record["mode"]["ages"]::record["mode"]["ages"] + 1] = outward(box, dtype, side)[:, None]
             out.append(filled)
         return out
+
+    def run_many(self, u, y, q, real="float32", x0_lo=None, x0_hi=None, theta=None) -> ModeTrace:
+        """As ``Runner.run_many``; q is not read."""
+        return super().run_many(u, y, np.zeros(np.shape(q), dtype=np.int64), real, x0_lo, x0_hi, theta)
 
     def start(self, t: ModeTables, runs: int, x0_lo: Array | None = None, x0_hi: Array | None = None) -> None:
         """Set all runs to the initial box (``<p>_init``)."""

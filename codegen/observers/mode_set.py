@@ -118,7 +118,7 @@ class ModeSet:
                          np.zeros(runs, dtype=np.int64) if runs else 0)
 
     def seen(self, u: Array, y: Array) -> Array:
-        """y - D u."""
+        """What is measured of C x and its noise, y - D u."""
         return affine(y, -self.tables.D, u)
 
     def cut(self, state: ModeState, seen: Array | None) -> ModeState:
@@ -152,27 +152,32 @@ class ModeSet:
 
     def carry(self, state: ModeState, u: Array) -> ModeState:
         """Boxes of the next sample, before its cut; births included."""
-        t, last = self.tables, self.tables.ages
-        n_modes = t.sizes[0]
-        lo, hi = np.full_like(state.lo, np.inf), np.full_like(state.hi, -np.inf)
+        t, n_modes = self.tables, self.tables.sizes[0]
+        lo, hi = np.zeros_like(state.lo), np.zeros_like(state.hi)
         alive = np.zeros_like(state.alive)
-
-        def add(q: int, age: int, box: tuple[Array, Array], reach: Array, here: Array) -> None:
-            lo[..., q, age, :] = np.where(here[..., None], np.minimum(lo[..., q, age, :], box[0] - reach),
-                                          lo[..., q, age, :])
-            hi[..., q, age, :] = np.where(here[..., None], np.maximum(hi[..., q, age, :], box[1] + reach),
-                                          hi[..., q, age, :])
-            alive[..., q, age] |= here
-
+        alive[..., 1:] = state.alive[..., :-1]
+        alive[..., -1] |= state.alive[..., -1]
         for q in range(n_modes):
-            for age in range(last + 1):
-                here, box = state.alive[..., q, age], (state.lo[..., q, age, :], state.hi[..., q, age, :])
-                if not here.any():
-                    continue
-                add(q, min(age + 1, last), self.carried(q, box, u), t.reach[q], here)
-                for j in range(n_modes if age == last else 0):
-                    if j != q:
-                        add(j, 0, self.born(q, j, box, u), t.birth[q, j], here)
+            old = state.alive[..., q, :]
+            below, above = self.carried(q, (state.lo[..., q, :, :], state.hi[..., q, :, :]), u[..., None, :])
+            below, above = below - t.reach[q], above + t.reach[q]
+            lo[..., q, 1:, :], hi[..., q, 1:, :] = below[..., :-1, :], above[..., :-1, :]
+            both, stays = (old[..., -1] & old[..., -2])[..., None], old[..., -1, None]
+            for box, moved, pick in ((lo, below, np.minimum), (hi, above, np.maximum)):  # the two oldest become one
+                one = pick(moved[..., -1, :], moved[..., -2, :])
+                box[..., q, -1, :] = np.where(both, one, np.where(stays, moved[..., -1, :], moved[..., -2, :]))
+        for i in range(n_modes):
+            here, box = state.alive[..., i, -1], (state.lo[..., i, -1, :], state.hi[..., i, -1, :])
+            for j in range(n_modes if here.any() else 0):
+                if j != i:
+                    below, above = self.born(i, j, box, u)
+                    below, above = below - t.birth[i, j], above + t.birth[i, j]
+                    first, wider = here & ~alive[..., j, 0], here & alive[..., j, 0]
+                    for boxes, new, pick in ((lo, below, np.minimum), (hi, above, np.maximum)):
+                        child = boxes[..., j, 0, :]
+                        boxes[..., j, 0, :] = np.where(first[..., None], new, np.where(
+                            wider[..., None], pick(child, new), child))
+                    alive[..., j, 0] |= here
         zero = np.zeros_like(lo)
         return ModeState(np.where(alive[..., None], lo, zero), np.where(alive[..., None], hi, zero), alive, state.mode)
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..analysis.detectability import limited, ultimate_errors
 from ..certify.claims import ultimate_width
 from ..observers import PointTables
-from . import parameter_words, words
+from . import mode_words, parameter_words, words
 from .plant_words import reach
 from .table import Cell, Fact, Folded, Row, Table, table
 
@@ -66,6 +66,8 @@ def _sentence(claim: str) -> str:
 
 def proved_switching(cert: dict) -> str:
     """Say for which switching the certificate's level holds."""
+    if cert["kind"] == "mode":
+        return mode_words.switching(cert)
     if cert["kind"] != "linf" or limited(cert) is None:
         return "any switching, as fast as every sample"
     tau, chatter = limited(cert)
@@ -78,6 +80,8 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
     tried = words.count(len(design.choice), "certified design")
     if "gains" in design.options:
         why = "the gains were given in the plant file; they were certified, not chosen"
+    elif design.certificate[real]["kind"] == "mode":
+        why = "there is nothing to choose but how many ages are told apart: the fewest that can be certified"
     elif not design.plant.f and not criterion:
         why = f"of {tried}, the narrowest was kept: there is no fault channel"
     else:
@@ -141,7 +145,7 @@ def settled_width(design, real: str) -> np.ndarray | None:
 def _bounds(design, real: str) -> tuple[Table, ...]:
     width = settled_width(design, real)
     if width is None:
-        return ()
+        return mode_words.delays(design, real)
     rows = []
     for signal, w in zip(design.plant.x, width):
         part = w / reach(signal)
@@ -157,7 +161,8 @@ def _bounds(design, real: str) -> tuple[Table, ...]:
 def _assumed(design, real: str) -> tuple[str, ...]:
     plant, tables = design.plant, design.observer.tables[real]
     told = "that of the sample or of the one before" if plant.switching.late else "the true one"
-    items = [f"The plant is the one of the plant file, with no fault acting; the mode given to the firmware is {told}.",
+    given = f"the mode given to the firmware is {told}" if plant.switching.known else "nobody tells its mode"
+    items = [f"The plant is the one of the plant file, with no fault acting; {given}.",
              f"There is one call of step or predict every {words.seconds(plant.sample_period)}.",
              "At init the state is in its initial box; at all times it is in its declared range. The range "
              + ("cuts the bounds at every call." if tables.clamp else

@@ -88,7 +88,7 @@ def known_options(methods: list[str]) -> dict:
     known: dict = {}
     for name in methods:
         entry = METHODS[name]
-        own = OPTIONS if entry.framers else entry.module.OPTIONS if entry.estimates_mode else SETS | entry.module.OPTIONS
+        own = OPTIONS if entry.framers else ({} if entry.estimates_mode else SETS) | entry.module.OPTIONS
         for key, allowed in own.items():
             words = isinstance(allowed, tuple) and isinstance(allowed[0], str)
             known[key] = tuple(dict.fromkeys((*known.get(key, ()), *allowed))) if words else allowed

@@ -51,10 +51,15 @@ def check_options(where: str, options: dict, known: dict | None = None) -> None:
             raise DesignError(f"{where}: observer.{key} is {value!r}, expected {words}.")
 
 
+UNTOLD = 'the mode is not known at run time, expected switching.known = true. Method "mode-set" finds it.'
+
+
 def inapplicable(plant, tnl: bool) -> str | None:
     """Why a plant cannot have an interval observer of this form, with what to change; None if it can."""
     if plant.polytope is not None:
         return POLYTOPIC
+    if not plant.switching.known:
+        return UNTOLD
     if plant.switching.late:
         return 'the mode is told late, expected at its own sample. Use method "tnl-interval-lpv" or "lpv-interval".'
     if plant.kind != "discrete":
@@ -95,7 +100,7 @@ def inapplicable_varying(plant, tnl: bool, split: bool = False) -> str | None:
 def common_reason(plant, tnl: bool, classical: str) -> str | None:
     """What stands in the way of any interval observer; ``classical``: the method without N. None if nothing does."""
     if not plant.switching.known:
-        return "the mode is not known at run time, expected switching.known = true."
+        return UNTOLD
     if plant.n_y == 0:
         return "the plant has no output, expected at least one measured signal in signals.y."
     for vector in ("x", "u", "y"):

@@ -1,11 +1,15 @@
 """Which mode is active when nobody tells: set-membership invalidation of hypotheses (mode, age).
 
 Plant: switched, in continuous time, sampled; y = C x + D u + v with C, D and v common to the modes; the mode changes at
-any instant, with a dwell time. There are no gains to find: the tables are the sampled plant and bounds of what a switch
+any instant, with a dwell time.
+
+The observer (``observers.mode_set``) has no gains to find: its tables are the sampled plant and bounds of what a switch
 within a period adds (``mode_tables``), and the only choice is the oldest age that hypotheses are told apart by, the
 least for which the certificate holds.
 
-Differences from Zammali (2020), chapter 4: no derivative of y, so noise is allowed; sampled data; switches within
+Source: own; the task is that of Zammali (2020), chapter 4.
+
+Differences from the printed scheme: no derivative of y, so noise is allowed; sampled data; switches within
 samples; nothing is assumed of the modes that is not checked (the thesis assumes that they can be told apart).
 """
 
