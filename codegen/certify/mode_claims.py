@@ -186,27 +186,32 @@ class Claims:
         """
         widths = self.begun()
         widths = widths if begin is None else np.maximum(widths, begin)
-        old, quiet = {}, {}
-        for _ in range(20):
+        old, quiet, pairs = {}, {}, self.pairs
+        for _ in range(40):
             old, quiet = self.survivals(self.course(widths), (old, quiet))
-            most = self.returned(widths, old, quiet)
-            if np.all(most <= widths):  # they come back no wider: so at every switch
-                return widths, old, quiet
-            widths = 1.05 * most
+            found = self.returned(widths, old, quiet, pairs)
+            most = np.max([widths, *found.values()], axis=0)
+            if np.all(most <= widths):
+                if pairs is self.pairs:  # they come back no wider: so at every switch
+                    return widths, old, quiet
+                pairs = self.pairs
+            else:  # look at the widest alone until they stand still
+                pairs = [pair for pair, own in found.items() if np.any(own >= most)]
+                widths = 1.03 * (most + 0.8 * (most - widths))
         raise CertificateError("certificate: the box of the true mode grows from switch to switch. Use a longer dwell "
                                "time or less noise.")
 
-    def returned(self, widths: Array, old: dict, quiet: dict) -> Array:
-        """Widths a dwell time after a switch that met these, and no less than these."""
-        course, most = self.course(widths), widths
-        for i, j in self.pairs:
+    def returned(self, widths: Array, old: dict, quiet: dict, pairs) -> dict:
+        """Widths a dwell time after each of these switches that met the given ones."""
+        course, found = self.course(widths), {}
+        for i, j in pairs:
             hull, at = self.hull(course, i, j, old[i, j], quiet[i, j])
             if self.dwell < at:
                 raise CertificateError(f"certificate: the old mode may live {at} samples, the dwell time is "
                                        f"{self.dwell}. Use a longer dwell time.")
-            most = np.maximum(most, contracted(self.t, hull, j, self.dwell - at))
+            found[i, j] = contracted(self.t, hull, j, self.dwell - at)
             self.hulls[i, j] = hull, at
-        return most
+        return found
 
     def early(self, quiet: dict) -> tuple[Array, int]:
         """Widths of the box of the true mode from when it may first give birth itself, and how long that lasts.
@@ -237,7 +242,8 @@ class Claims:
             The widths grow from switch to switch, or are exceeded after power-up; or as ``delays``.
         """
         found = self.survivals(self.course(widths), (old, {}))
-        if np.any(self.begun() > widths) or np.any(self.returned(widths, *found) > widths):
+        after = self.returned(widths, *found, self.pairs)
+        if any(np.any(most > widths) for most in (self.begun(), *after.values())):
             raise CertificateError("certificate: the box of the true mode may grow beyond the widths stated.")
         return self._concluded(widths, *found, restart=False)
 

@@ -78,8 +78,8 @@ def image(A: Array, lo: Array, hi: Array, common: Array) -> tuple[Array, Array]:
     below = above = common
     for k in range(A.shape[1]):
         up, a, b = A[:, k] >= 0, lo[..., k, None], hi[..., k, None]
-        below = below + np.where(up, A[:, k] * a, A[:, k] * b)
-        above = above + np.where(up, A[:, k] * b, A[:, k] * a)
+        below = below + A[:, k] * np.where(up, a, b)
+        above = above + A[:, k] * np.where(up, b, a)
     return below, above
 
 
