@@ -109,7 +109,7 @@ def sentences(plant, t, cert: dict) -> list[str]:
         "the true mode is in mode_set and x_lo <= x <= x_hi at every sample while no fault acts, so that no alarm is "
         f"false, through switches too, which may fall at any instant, {time(t.ages + 1)} apart at least; all "
         f"rounding is included ({t.real}, with or without fused multiply-add)",
-        f"a switch is identified within {time(cert['worst'])} of it: from then to the next switch mode is the true one, "
+        f"a switch is identified within {time(cert['worst'])}: from then to the next switch mode is the true one, "
         f"where switches are {time(cert['dwell'])} apart at least and no measurement is missing",
         f"samples after which the old mode is out of mode_set, and after which mode is right: {each}",
         f"from power-up within the initial box mode is right after {time(cert['start'])} at the latest, if the first "

@@ -281,6 +281,7 @@ def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array
     x, u = limit.astype(float), np.max(np.abs([ranges["u_lo"], ranges["u_hi"]]), axis=0).astype(float)
     size = np.concatenate([x, u, [1.0]])
     terms = 2 * (n + n_u) + 12
+    tiny = 4 * terms * float(np.finfo(real).smallest_subnormal)  # products may be too small for their last digits
     out = {"Phi": np.zeros((N, n, n)), "Gamma": np.zeros((N, n, n_u)), "shift": np.zeros((N, n)),
            "reach": np.zeros((N, n)), "birth": np.zeros((N, N, n)), "J": np.zeros((N, N, n, n)),
            "J_u": np.zeros((N, N, n, n_u)), "J_shift": np.zeros((N, N, n)), "J_radius": np.zeros((N, N, n, n)),
@@ -294,10 +295,10 @@ def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array
         value, error = kept(parts(period.transition(q)))
         out["Phi"][q], out["Gamma"][q], out["shift"][q] = value[:, :n], value[:, n:n + n_u], value[:, -1]
         lost = error @ size
-        out["reach"][q] = (top(period.reached(q, period.w[q]))[:, 0] + lost) * (1 + 8 * eps)
+        out["reach"][q] = (top(period.reached(q, period.w[q]))[:, 0] + lost) * (1 + 8 * eps) + tiny
         for i in range(N):
             if i != q:
-                out["birth"][i, q] = (top(period.reached(q, period.largest(i, q)))[:, 0] + lost) * (1 + 8 * eps)
+                out["birth"][i, q] = (top(period.reached(q, period.largest(i, q)))[:, 0] + lost) * (1 + 8 * eps) + tiny
     for i in range(N):
         for j in range(N):
             if i == j:
@@ -307,10 +308,10 @@ def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array
             out["J"][i, j], out["J_u"][i, j], out["J_shift"][i, j] = value[:, :n], value[:, n:n + n_u], value[:, -1]
             room = 1 + terms * eps
             out["J_radius"][i, j], out["J_u_radius"][i, j] = error[:, :n] * room, error[:, n:n + n_u] * room
-            out["J_reach"][i, j] = (later + error[:, -1]) * room
+            out["J_reach"][i, j] = (later + error[:, -1]) * room + tiny
     noise = hull(first.Dv, first.v_lo, first.v_hi)
     y = np.abs(S[:plant.n_y]) @ np.max(np.abs(plant.limits("x")), axis=0) + np.max(np.abs(noise), axis=0)
-    slack = 4 * eps * (2 * y + np.abs(first.D) @ u)
+    slack = (n_u + 6) * eps * (y + 3 * np.abs(first.D) @ u) + np.abs(first.D - first.D.astype(real)) @ u + tiny
     outward = {"v_lo": noise[0] - slack, "v_hi": noise[1] + slack}
     outward |= {"start_lo": start[0], "start_hi": start[1], "wide_lo": lo, "wide_hi": hi}
     for name, value in outward.items():
@@ -319,7 +320,7 @@ def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array
         out[name] = directed(out[name], real, 1)
     inverse = np.linalg.inv(S).astype(real).astype(float)
     lost = top(magnitude(exact(inverse) * period.S - exact(np.eye(n)))) @ np.max(np.abs(plant.limits("x")), axis=0)
-    room = directed(lost + terms * eps * (np.abs(inverse) @ x), real, 1)
+    room = directed(lost + tiny + terms * eps * (np.abs(inverse) @ x), real, 1)
     fixed = {"S": S, "S_inverse": inverse.astype(real), "x_room": room, "D": first.D.astype(real), "limit": limit}
     return tables_class(**fixed, **ranges, ages=ages, real=real,
                         **{k: v.astype(real) for k, v in (out | outward).items()})
