@@ -6,6 +6,7 @@ from .framer import FramerTables, Variation
 from .interval import IntervalObserver
 from .point import PointObserver, PointTables
 from .runner import Runner
+from .schedule import ScheduleObserver, ScheduleTables
 from .supervisor import Supervision
 from .thresholds import ThresholdObserver, ThresholdTables
 from .tnl import TnlObserver
@@ -13,8 +14,9 @@ from .trace import PointTrace, Trace
 from .zonotope import ZonotopeObserver, ZonotopeTables
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
-            "thresholds": ThresholdObserver, "ellipsoid": EllipsoidObserver}
+            "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "ellipsoid": EllipsoidObserver}
 
 __all__ = ["FAMILIES", "Coordinates", "EllipsoidObserver", "EllipsoidTables", "FramerTables", "IntervalObserver",
-           "PointObserver", "PointTables", "PointTrace", "Runner", "Supervision", "ThresholdObserver",
-           "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver", "ZonotopeTables"]
+           "PointObserver", "PointTables", "PointTrace", "Runner", "ScheduleObserver", "ScheduleTables", "Supervision",
+           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver",
+           "ZonotopeTables"]
