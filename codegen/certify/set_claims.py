@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from . import ellipsoids, residual_gain, schedules, set_freeze, thresholds
+from . import blocks, ellipsoids, residual_gain, schedules, set_freeze, thresholds
 
 #: What is checked of each kind of set.
 CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check,
-          "schedule": schedules.check, "ellipsoid": ellipsoids.check}
+          "schedule": schedules.check, "blocks": blocks.check, "ellipsoid": ellipsoids.check}
 #: How the certificate of a table is made.
-TABLES = {"thresholds": thresholds.certificate, "schedule": schedules.certificate}
+TABLES = {"thresholds": thresholds.certificate, "schedule": schedules.certificate, "blocks": blocks.certificate}
 
 
 def prove(modes, t, proof: dict, resolve=None, tables: tuple = (), kind: str = "") -> dict:

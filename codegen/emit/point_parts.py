@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..observers.point import centred
-from . import ellipsoid_parts, schedule_parts, threshold_parts
+from . import block_parts, ellipsoid_parts, schedule_parts, threshold_parts
 from .cprint import initialiser, literal, macro_names
 from .families import Member, Word, mode_word, state_layout
 from .layouts import lay_out
@@ -67,7 +67,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
 
     Parameters
     ----------
-    family : {"zonotope", "thresholds", "schedule", "ellipsoid"}
+    family : {"zonotope", "thresholds", "schedule", "blocks", "ellipsoid"}
     t : PointTables
     s : Supervision
     names : Names
@@ -245,10 +245,11 @@ def operations(t, views, n_u: int, n_y: int) -> Operations:
     return Operations(multiply, add, compares)
 
 
-#: Families whose set is a table.
-TABLES = ("thresholds", "schedule")
+#: Families whose set is a table, at least in part: what it says depends on the mode now.
+TABLES = ("thresholds", "schedule", "blocks")
 #: Members of the state, operations and view of each family.
 FAMILY = {"zonotope": (state_of, operations, zonotope),
           "thresholds": (threshold_parts.state, threshold_parts.operations, threshold_parts.view),
           "schedule": (schedule_parts.state, threshold_parts.operations, schedule_parts.view),
+          "blocks": (block_parts.state, block_parts.operations, block_parts.view),
           "ellipsoid": (ellipsoid_parts.state, ellipsoid_parts.operations, ellipsoid_parts.view)}

@@ -1,5 +1,6 @@
 """Run-time families: one recursion per file, the numpy step that the C must equal bit for bit."""
 
+from .blocks import BlockObserver, BlockTables
 from .coordinates import Coordinates
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
 from .framer import FramerTables, Variation
@@ -14,9 +15,10 @@ from .trace import PointTrace, Trace
 from .zonotope import ZonotopeObserver, ZonotopeTables
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
-            "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "ellipsoid": EllipsoidObserver}
+            "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
+            "ellipsoid": EllipsoidObserver}
 
-__all__ = ["FAMILIES", "Coordinates", "EllipsoidObserver", "EllipsoidTables", "FramerTables", "IntervalObserver",
+__all__ = ["FAMILIES", "BlockObserver", "BlockTables", "Coordinates", "EllipsoidObserver", "EllipsoidTables", "FramerTables", "IntervalObserver",
            "PointObserver", "PointTables", "PointTrace", "Runner", "ScheduleObserver", "ScheduleTables", "Supervision",
            "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver",
            "ZonotopeTables"]
