@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from . import ellipsoids, residual_gain, set_freeze, thresholds
+from . import boxes, ellipsoids, residual_gain, set_freeze, thresholds
 
 #: What is checked of each kind of set.
-CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check, "ellipsoid": ellipsoids.check}
+CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check, "ellipsoid": ellipsoids.check,
+          "box": boxes.check}
 
 
 def prove(modes, t, proof: dict, resolve=None, tables: tuple = ()) -> dict:
@@ -34,6 +35,8 @@ def prove(modes, t, proof: dict, resolve=None, tables: tuple = ()) -> dict:
         A condition fails on the emitted constants.
     """
     level = dict(proof) if proof["kind"] == "none" else residual_gain.prove(modes, t.L, t.N, proof, resolve)
+    if hasattr(t.shape, "Pb"):
+        return boxes.prove(modes, t, level)
     if hasattr(t.shape, "kb"):
         cert = {**level, "set": "ellipsoid", "steady_box": None}
         ellipsoids.check(modes, t, cert)

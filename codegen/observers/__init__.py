@@ -1,5 +1,6 @@
 """Run-time families: one recursion per file, the numpy step that the C must equal bit for bit."""
 
+from .box import BoxObserver, BoxTables
 from .coordinates import Coordinates
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
 from .framer import FramerTables, Variation
@@ -13,8 +14,9 @@ from .trace import PointTrace, Trace
 from .zonotope import ZonotopeObserver, ZonotopeTables
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
-            "thresholds": ThresholdObserver, "ellipsoid": EllipsoidObserver}
+            "thresholds": ThresholdObserver, "ellipsoid": EllipsoidObserver, "box": BoxObserver}
 
-__all__ = ["FAMILIES", "Coordinates", "EllipsoidObserver", "EllipsoidTables", "FramerTables", "IntervalObserver",
-           "PointObserver", "PointTables", "PointTrace", "Runner", "Supervision", "ThresholdObserver",
-           "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver", "ZonotopeTables"]
+__all__ = ["FAMILIES", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver", "EllipsoidTables",
+           "FramerTables", "IntervalObserver", "PointObserver", "PointTables", "PointTrace", "Runner", "Supervision",
+           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver",
+           "ZonotopeTables"]
