@@ -21,7 +21,8 @@ CHEAP = {"zonotope": {"criterion": "hinf", "lyapunov": "common"},
 METHOD = [name for name, m in METHODS.items() if not m.framers]
 #: The printed gains of 6.2.4 are unstable under alternate switching, which the plant does not exclude: no set. Those of
 #: the last are stable, |A - L C| is not: no box.
-GROWS = {("zammali_zonotope", "printed", which) for which in SETS["set"]} | {("zammali_ellipsoid", "zonotope", "interval")}
+GROWS = {*(("zammali_zonotope", "printed", which) for which in SETS["set"]),
+         ("zammali_ellipsoid", "zonotope", "interval")}
 
 
 def gains(plant):
@@ -44,7 +45,7 @@ def outputs(plant, modes, noise, rng):
 @pytest.mark.parametrize("method", [*METHOD, "printed"])
 @pytest.mark.parametrize("name", PLANTS)
 def test_no_false_alarm(name, method, which):
-    """Corner noise through the reference in float32: nothing. Noise of eight times the bounds: alarms, so it is tight."""
+    """Corner noise through the reference in float32: nothing. Eight times as much: alarms, so the set is tight."""
     plant = load(name)
     options = CHEAP.get(method, {}) | {"set": which} | (gains(name) if method == "printed" else {})
     entry = METHODS["zonotope" if method == "printed" else method]
