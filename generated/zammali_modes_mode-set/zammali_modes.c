@@ -325,6 +325,11 @@ static void zammali_modes_no_residual(const zammali_modes_state *s, zammali_mode
     out->assured = (s->latched == 0U) ? 1U : 0U;
 }
 
+static zammali_modes_real zammali_modes_size(zammali_modes_real value)
+{
+    return (value < 0.0F) ? -value : value;
+}
+
 /*
  * Add the box of a matrix times a box.
  */
@@ -675,11 +680,14 @@ static void zammali_modes_born(const zammali_modes_in *in, uint32_t p, uint32_t 
 
         for (uint32_t j = 0U; j < ZAMMALI_MODES_NU; j++)
         {
-            radius += (J_u_radius[pair][i][j] * ((in->u[j] < 0.0F) ? -in->u[j] : in->u[j]));
+            radius += (J_u_radius[pair][i][j] * zammali_modes_size(in->u[j]));
         }
         for (uint32_t k = 0U; k < ZAMMALI_MODES_NX; k++)
         {
-            radius += (J_radius[pair][i][k] * ((-lo[k] > hi[k]) ? -lo[k] : hi[k]));
+            const zammali_modes_real below_zero = zammali_modes_size(lo[k]);
+            const zammali_modes_real above_zero = zammali_modes_size(hi[k]);
+
+            radius += (J_radius[pair][i][k] * ((below_zero > above_zero) ? below_zero : above_zero));
         }
         added_lo[i] -= radius;
         added_hi[i] += radius;
