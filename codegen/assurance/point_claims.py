@@ -15,13 +15,13 @@ ESTIMATE = ("M", "G", "L", "N", "d", "A", "B", "a", "C", "D", "c")
 OTHERS = {*ESTIMATE, "x0_hat", "x_hat", "u_lo", "u_hi", "y_lo", "y_hi"}
 #: Formula of each kind of set: what the alarm rests on, and what the bounds of x rest on besides.
 WORDS = {
-    "zonotope": ("H+ = [M red(H), F], red keeps the row sums of |H|; e >= rest of the step + rounding of M H and of the "
-                 "reduction; rho >= rest of the residual + |C| e + rounding of C H; |d' r| <= h(d) with slack and floor "
-                 "for the rounding of the test", "spread >= |N_o Dv| v_half + e + rounding of x_hat -+ radius"),
-    "ellipsoid": ("(1 + alpha) M X M' + H with H > (1 + 1/alpha) Q, Q = sum t sum f f'/t over disturbance, noise and the "
-                  "box of rounding; k trace(X) I covers the rounding of M X M'; (r' R^-1 r <= 1) with slack and floor "
-                  "for the rounding of the test", "sqrt(z) (1 + 4u) <= a z + b: 4 a b >= (1 + 4u)^2; spread >= |N_o Dv| "
-                  "v_half + rounding of x_hat -+ radius"),
+    "zonotope": ("H+ = [M red(H), F], red keeps the row sums of |H|; e >= rest of the step + rounding of M H and of "
+                 "the reduction; rho >= rest of the residual + |C| e + rounding of C H; |d' r| <= h(d) with slack and "
+                 "floor for the rounding of the test", "spread >= |N_o Dv| v_half + e + rounding of x_hat -+ radius"),
+    "ellipsoid": ("(1 + alpha) M X M' + H with H > (1 + 1/alpha) Q, Q = sum t sum f f'/t over disturbance, noise and "
+                  "the box of rounding; k trace(X) I covers the rounding of M X M'; (r' R^-1 r <= 1) with slack and "
+                  "floor for the rounding of the test", "sqrt(z) (1 + 4u) <= a z + b: 4 a b >= (1 + 4u)^2; spread >= "
+                  "|N_o Dv| v_half + rounding of x_hat -+ radius"),
     "thresholds": ("h[stage, q, j, i] >= support in direction d_i of every residual that the error recursion with "
                    "rounding allows j samples after mode q was entered, from the box of the stage; boxes hold what may "
                    "leave the stage before", "the same with the unit vectors of x for d_i, rounding of x_hat -+ width "
@@ -29,7 +29,8 @@ WORDS = {
 }
 
 
-def of_certificate(design, t, cert: dict, modes, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:
+def of_certificate(design, t, cert: dict, modes, build: type, plant: tuple,
+                   own: tuple) -> Iterator[tuple[str, Callable]]:
     """Yield (beginning of the sentence, what makes its claim), in the order of ``certify.set_claims.check``.
 
     Parameters
@@ -53,7 +54,7 @@ def of_certificate(design, t, cert: dict, modes, build: type, plant: tuple, own:
     kind = cert["set"]
     if kind not in point_margins.HELD or kind not in WORDS:
         raise CertificateError(f"assurance: no condition is known for the set {kind!r} (expected one of "
-                               f"{', '.join(WORDS)}). Add it to codegen/assurance/point_margins.py and point_claims.py.")
+                               f"{', '.join(WORDS)}). Add it to codegen/assurance/point_claims.py and margins.")
     held = point_margins.HELD[kind](modes, t, cert)
     alarm, state = WORDS[kind]
     source = (inspect.getdoc(inspect.getmodule(type(design.observer))) or "").partition("Source: ")[2]
@@ -74,8 +75,8 @@ def of_certificate(design, t, cert: dict, modes, build: type, plant: tuple, own:
         state, [*held["alarm"], *held["state"]], checks=run)
     yield ("the thresholds are a table" if kind == "thresholds" else "the half widths"), claim(
         "bounded", "Sets and estimate stay within the sizes that all rounding margins rest on.",
-        "|x_hat| <= box (it is cut there), box >= |x| + limit; a half width beyond its limit, or an estimate beyond the "
-        "box, starts the set again from the declared range, which the limit holds", held["bounded"],
+        "|x_hat| <= box (it is cut there), box >= |x| + limit; a half width beyond its limit, or an estimate beyond "
+        "the box, starts the set again from the declared range, which the limit holds", held["bounded"],
         code=_code(set_freeze._check_reach), checks=(*own, "prove"))
     if cert.get("steady_box"):
         yield "Ultimate width", claim(
@@ -88,7 +89,7 @@ def of_certificate(design, t, cert: dict, modes, build: type, plant: tuple, own:
         published = "Zammali (2020), (6.19), (6.43), bounds corrected"
         formula = ("[[(1 - lambda) P - C'C, -C'Z, M'P+], [*, g I - Z'Z, H'P+], [*, *, P+]] > 0 (L-infinity: without C "
                    "and Z), P <= rho P_l at a jump, level^2 >= factor g")
-        words = "A Lyapunov function of the estimate's error decreases in every mode and pays for disturbance and noise."
+        words = "A Lyapunov function of the estimate's error decreases in every mode and pays for all noise."
         if cert["kind"] == "hinf":
             yield "H-infinity: ", claim("hinf", words, formula, margins, ESTIMATE, published, gains)
             yield "the error of the estimate", claim("decay", words, formula, margins[:-1], ESTIMATE, published, gains)

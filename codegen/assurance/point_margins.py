@@ -81,7 +81,8 @@ def ellipsoid(modes, t, cert: dict) -> dict[str, list[Margin]]:
     u, tiny, n_y = UNIT[t.real], TINY[t.real], t.C.shape[1]
     roots = [tightest(f"tangents {a}, {b} above the square root, as 4 a b - (1 + 4u)^2", [
         (4 * Q(x) * (Q(y) - 4 * tiny) - (1 + 4 * u) ** 2, f"{list(map(int, i))}")
-        for (i, x), y in zip(np.ndenumerate(getattr(z, a)), getattr(z, b).ravel())]) for a, b in (("a", "b"), ("ay", "by"))]
+        for (i, x), y in zip(np.ndenumerate(getattr(z, a)), getattr(z, b).ravel())])
+        for a, b in (("a", "b"), ("ay", "by"))]
     own = 4 * u * (rational(t.box) + 2 * rational(t.limit)) + 8 * tiny
     spread = entrywise("spread beyond the noise in the estimate and rounding", z.spread,
                        demands.of.carried() * (1 + 4 * u) + own)

@@ -117,7 +117,8 @@ class Error:
             given = F(t["c"][q][i])
             terms = [*zip(D[i], self.umax), (F(1), given), *zip(self.C[q][i], self.box), (F(1), self.ymax[i])]
             out.append(size(p["C"][i], self.box, self.C[q][i]) + size(p["D"][i], self.utrue, D[i])
-                       + size(D[i], self.uslip) + self.yslip[i] + abs(given - centre[i]) + rounding(terms, self.real)[0])
+                       + size(D[i], self.uslip) + self.yslip[i] + abs(given - centre[i])
+                       + rounding(terms, self.real)[0])
         return out
 
 

@@ -120,10 +120,12 @@ class Table:
         self.lookback = {}
 
     def gens(self, q, o):
+        """What a step adds."""
         e = self.e
         return Gens([list(c) for c in zip(*e.step(q, o, True))], e.rest(q, True), self.s)
 
     def firsts(self, stage, q):
+        """What the first step may add."""
         return [self.W[i][q] for i in range(self.Q) if i != q] if stage else [self.W[self.Q][q]]
 
     def rounded(self, q, rows):
