@@ -61,8 +61,6 @@ def files(design, real: str | None = None, layout: str | None = None, measure: b
 
 def _proofs(design, d: DesignView) -> dict[str, str]:
     """Print what Frama-C and Gappa read."""
-    if d.sets:
-        return {f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d))}
     return {f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d)),
             f"rounding_{d.prefix}.g": render("harness/rounding.g.jinja", d=d, g=rounding(design, d))}
 

@@ -25,7 +25,9 @@ HOME = Path(tempfile.gettempdir()) / "residua-kept"
 
 
 def family_of(folder: Path) -> str:
-    """Return the run-time family of a folder."""
+    """Return the run-time family of a folder, without making it."""
+    if folder not in GENERATED:
+        return folder.name
     return json.loads((at(folder) / "resources.json").read_text(encoding="ascii"))["family"]
 
 

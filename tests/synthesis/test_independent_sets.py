@@ -9,7 +9,7 @@ import shutil
 
 import pytest
 from helpers.kept import POINTS, at, family_of
-from helpers.scripts import prefix_of
+from helpers.scripts import GENERATED, prefix_of
 from synthesis.test_independent import CHECKER, run
 
 FILES = sorted(CHECKER.parent.glob("independent*.py"))
@@ -86,8 +86,8 @@ def spoilt(folder, path, factor, to):
 
 
 CASES = [pytest.param(folder, *case, id=f"{folder.name}-{name}") for folder in POINTS
-         for name, case in (FALSE.get(family_of(folder) if folder.exists() else folder.name, {}) | (
-             LEVEL if folder.exists() else {})).items()]
+         for name, case in (FALSE.get(family_of(folder), {}) | (
+             LEVEL if folder in GENERATED else {})).items()]
 
 
 @pytest.mark.parametrize("folder,path,factor,words", CASES)
