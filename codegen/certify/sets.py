@@ -135,8 +135,7 @@ class SetDemands:
 
     def residual_rest(self, q: int) -> Array:
         """The same of the residual, the rounding of its last subtraction included."""
-        t, given = self.t, rational(self.t.c[q])
-        off = abs(given - self.centres()["c"][q])
+        off = abs(rational(self.t.c[q]) - self.centres()["c"][q])
         need = np.array([d.need for d in self.plain.output(q, "hi")], dtype=object)
         return need + off + self.rounding(q, "residual")
 

@@ -83,11 +83,14 @@ def harness(design, d: DesignView) -> HarnessView:
                **{name: (np.minimum(lo, 0), np.maximum(hi, 0)) for name, lo, hi in vectors}}
     if t.change is not None:
         numbers |= {"z_lo": (-t.change.box, t.change.box), "z_hi": (-t.change.box, t.change.box)}
-    own = set_ranges.of(design.observer.family, t) if d.sets else set_ranges.NONE
-    if d.sets:
-        numbers |= {"x_hat": (-t.box, t.box), **own.numbers}
     words = {"mode": len(d.modes), "phase": 2, "bucket": s.dwell_limit, "too_fast": 1, "run": max(s.recover, 1) - 1,
-             "hold": s.hold, "history": 2 ** s.debounce[1] - 1, "latched": 2 ** len(d.bits) - 1, "spare": 0, **own.words}
+             "hold": s.hold, "history": 2 ** s.debounce[1] - 1, "latched": 2 ** len(d.bits) - 1, "spare": 0}
+    own = set_ranges.NONE
+    if d.sets:
+        numbers["x_hat"] = (-t.box, t.box)
+        own = set_ranges.of(design.observer.family, t, {f.name: f.type for f in d.state_fields
+                                                        if f.name not in numbers and f.name not in words})
+        numbers, words = numbers | own.numbers, words | own.words
     bits = len(d.bits)
     least = tuple(initialiser(numbers[f.name][0], d.real) if f.name in numbers else _words(0, f.size, bits)
                   for f in d.state_fields)

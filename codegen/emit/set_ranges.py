@@ -1,6 +1,7 @@
 """What the members of the state that hold an error set may be, for the Frama-C harness; one entry per family.
 
-A new family whose state has members of its own adds a function to ``RANGES``: tables -> ``Ranges``.
+A new family whose state has words of its own, or numbers that its limits do not bound, adds a function to ``RANGES``:
+tables -> ``Ranges``.
 """
 
 from __future__ import annotations
@@ -8,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
+from ..errors import EmitError
 
 Array = np.ndarray
 
@@ -34,23 +37,42 @@ class Ranges:
 NONE = Ranges({}, {}, ())
 
 
-def of(family: str, t) -> Ranges:
+def of(family: str, t, members: dict[str, str]) -> Ranges:
     """Return the ranges of a family's own members.
 
     Parameters
     ----------
     family : str
     t : PointTables
+    members : dict
+        Name -> C type of each member of the state that not every observer has.
 
     Returns
     -------
     Ranges
-        Of a family that is not listed: none, so that the harness refuses members that it does not know.
+        Of a family that is not listed: every vector of one number per state within its limits.
+
+    Raises
+    ------
+    EmitError
+        A member has no range.
     """
-    return RANGES.get(family, lambda tables: NONE)(t)
+    made = RANGES.get(family, within_limits)(t, members)
+    unknown = [name for name in members if name not in made.numbers and name not in made.words]
+    if unknown:
+        raise EmitError(f"{family}: members {', '.join(unknown)} of the state have no range for Frama-C (expected one "
+                        "each). Add the family to codegen/emit/set_ranges.py.")
+    return made
 
 
-def zonotope(t) -> Ranges:
+def within_limits(t, members: dict[str, str]) -> Ranges:
+    """Half widths, each compared with its limit."""
+    numbers = {name: (-t.limit, t.limit) for name, kind in members.items() if kind != "uint32_t"}
+    return Ranges(numbers, _origin(t), ("Each half width of the set has been compared with its limit when a call ends. "
+                                        "From there", "Eva shows that all stays finite."))
+
+
+def zonotope(t, members: dict[str, str]) -> Ranges:
     """Each number of a generator is at most what the sum of its row may be."""
     most = np.tile(t.limit, t.shape.columns)
     return Ranges({"shape": (-most, most)}, _origin(t),
@@ -59,7 +81,7 @@ def zonotope(t) -> Ranges:
                    "each number of a generator there. From there Eva shows that all stays finite."))
 
 
-def ellipsoid(t) -> Ranges:
+def ellipsoid(t, members: dict[str, str]) -> Ranges:
     """Each diagonal is at most what a tangent of its root lets pass, the others at most their geometric mean."""
     z = t.shape
     limit, slope, offset = (np.asarray(a, dtype=float) for a in (t.limit, z.a, z.b))
@@ -74,7 +96,7 @@ def ellipsoid(t) -> Ranges:
                    "numbers there. From there Eva shows that all stays finite."))
 
 
-def thresholds(t) -> Ranges:
+def thresholds(t, members: dict[str, str]) -> Ranges:
     """Stage and count."""
     return Ranges({}, {"stage": len(t.shape.h) - 1, "since": t.shape.cap}, ())
 

@@ -94,8 +94,8 @@ def prove(folder: str | Path) -> ProofResult:
     begin = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="residua-") as scratch:
         table = Path(scratch) / "properties.csv"
-        said = _run([*OPTIONS, "-eva-auto-loop-unroll", str(longest), "-main", f"prove_{prefix}", "-eva", "-eva-slevel-function", apart, *sources,
-                     "-then", "-report-csv", str(table)], folder)
+        said = _run([*OPTIONS, "-eva-auto-loop-unroll", str(longest), "-main", f"prove_{prefix}", "-eva",
+                     "-eva-slevel-function", apart, *sources, "-then", "-report-csv", str(table)], folder)
         if not table.is_file():
             raise ToolError("frama-c: wrote no list of properties. Run it again, or install another version.")
         with table.open(encoding="utf-8", newline="") as file:

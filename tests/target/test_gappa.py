@@ -17,6 +17,7 @@ from helpers.scripts import GENERATED
 from helpers.tools import need
 
 from codegen import design as make
+from codegen.certify.exact import Q
 from codegen.certify.sets import SetDemands
 from codegen.designs import read_design
 from codegen.emit import files
@@ -307,7 +308,7 @@ def test_script_of_points_is_about_the_sums_of_the_reference(folder, real):
             result = {"forward": lambda p: forward(uncut, p, x, u, y, y_next), "blind": lambda p: blind(uncut, p, x, u),
                       "residual": lambda p: residual(t, p, x, u, y_next)}[which](at_q)
             assert evaluate(text, name, values, np.dtype(real).type) == result[0, int(i)], name
-            assert 0 <= float.fromhex(margin) <= demands.rounding(q, which)[int(i)]
+            assert 0 <= Q(float.fromhex(margin)) <= demands.rounding(q, which)[int(i)]
             checked += 1
     assert checked == len(design.plant.modes) * (2 * len(t.box) + len(t.y_lo))
 
