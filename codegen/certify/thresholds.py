@@ -117,12 +117,29 @@ def freeze_thresholds(shape_class, t, main, first, directions: Array):
     -------
     ThresholdTables
     """
+    h, hx = emitted_rows(t, np.concatenate([first.h, main.h]), directions)
+    return shape_class(dwell=main.dwell, anew=len(first.h), directions=directions, h=h, hx=hx)
+
+
+def emitted_rows(t, h: Array, directions: Array) -> tuple[Array, Array]:
+    """Round supports up, with what the firmware's own test of them rounds.
+
+    Parameters
+    ----------
+    t : PointTables
+    h : ndarray (..., m + n_x)
+        Along ``directions_of(t, directions)``.
+    directions : ndarray (m, n_y)
+        As emitted.
+
+    Returns
+    -------
+    h : ndarray (..., m), hx : ndarray (..., n_x)
+    """
     m, n_y = len(directions), t.C.shape[1]
-    h = np.concatenate([first.h, main.h])
     bounds = _above(h[..., :n_y] * (1 + 1e-9), t.real)
     rest = _above((h[..., n_y:m] + margin(directions, bounds, t.real)[..., n_y:]) * (1 + 1e-9), t.real)
-    return shape_class(dwell=main.dwell, anew=len(first.h), directions=directions,
-                       h=np.concatenate([bounds, rest], axis=-1), hx=_above(h[..., m:] * (1 + 1e-9), t.real))
+    return np.concatenate([bounds, rest], axis=-1), _above(h[..., m:] * (1 + 1e-9), t.real)
 
 
 def _above(x: Array, real: str) -> Array:
@@ -160,11 +177,7 @@ def proved(modes, t, cert: dict) -> dict[str, Room]:
     CertificateError
         Naming stage, mode, row and direction.
     """
-    z, m, n_y = t.shape, recursion(modes, t), t.C.shape[1]
-    if not np.array_equal(z.directions[:n_y], np.eye(n_y)):
-        raise CertificateError("certificate: the first directions are not the coordinates of the residual.")
-    room = margin(z.directions, z.h[..., :n_y], t.real)
-    h = np.concatenate([np.vectorize(lambda a, b: down(Q(a) - Q(b)))(z.h, room), z.hx.astype(float)], axis=-1)
+    z, m, h = t.shape, recursion(modes, t), claimed_rows(t)
     directions = directions_of(t, z.directions.astype(float))
     first, anywhere = starts(t)
     out = {}
@@ -189,9 +202,7 @@ def check(modes, t, cert: dict) -> list[str]:
     """
     z = t.shape
     proved(modes, t, cert)
-    for i, (box, lo, hi) in enumerate(zip(t.box, t.x_lo, t.x_hi)):
-        if not abs(float(lo) / 2 + float(hi) / 2) < float(box):
-            raise CertificateError(f"certificate: box[{i}] does not hold the middle of the declared range.")
+    check_middle(t)
     width = np.array(cert["steady_box"]["width"])
     if np.any(rational(width) < 2 * np.max(rational(z.hx[[z.anew - 1, -1]]).reshape(-1, len(t.box)), axis=0)):
         raise CertificateError("certificate: the ultimate width is less than in the table's last stages.")
@@ -202,3 +213,30 @@ def check(modes, t, cert: dict) -> list[str]:
             "the thresholds are a table and the estimate stays in a box: nothing can grow",
             f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], "
             + ("for arbitrary switching" if z.dwell == 1 else f"while every mode lasts at least {z.dwell} samples")]
+
+
+def claimed_rows(t) -> Array:
+    """What the emitted thresholds and half widths claim of the residual and of x: (..., m + n_x), rounding taken off.
+
+    Raises
+    ------
+    CertificateError
+        The first directions are not the coordinates.
+    """
+    z, n_y = t.shape, t.C.shape[1]
+    if not np.array_equal(z.directions[:n_y], np.eye(n_y)):
+        raise CertificateError("certificate: the first directions are not the coordinates of the residual.")
+    room = margin(z.directions, z.h[..., :n_y], t.real)
+    return np.concatenate([np.vectorize(lambda a, b: down(Q(a) - Q(b)))(z.h, room), z.hx.astype(float)], axis=-1)
+
+
+def check_middle(t) -> None:
+    """Check that an estimate in the middle of the declared range is within the box that the margins rest on.
+
+    Raises
+    ------
+    CertificateError
+    """
+    for i, (box, lo, hi) in enumerate(zip(t.box, t.x_lo, t.x_hi)):
+        if not abs(float(lo) / 2 + float(hi) / 2) < float(box):
+            raise CertificateError(f"certificate: box[{i}] does not hold the middle of the declared range.")
