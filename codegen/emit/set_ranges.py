@@ -101,8 +101,22 @@ def thresholds(t, members: dict[str, str]) -> Ranges:
     return Ranges({}, {"stage": len(t.shape.h) - 1, "since": t.shape.cap}, ())
 
 
+def schedule(t, members: dict[str, str]) -> Ranges:
+    """Place in the schedule, and count."""
+    return Ranges({}, {"phase_at": len(t.shape.cycle), "since": t.shape.settled}, ())
+
+
+def blocks(t, members: dict[str, str]) -> Ranges:
+    """Each number of a generator is at most what the sum of its row may be."""
+    most, words = np.tile(t.shape.most, t.shape.order), {"since": t.shape.longest, "block": len(t.A) - 1}
+    return Ranges({"generators": (-most, most)}, words | dict.fromkeys(("origin", "before"), t.origins - 1),
+                  ("The generators' sum of magnitudes in a row has been compared with its limit when a call ends,",
+                   "which keeps each number of a generator there. From there Eva shows that all stays finite."))
+
+
 def _origin(t) -> dict:
     return {"origin": t.origins - 1} if t.kind == "tnl" else {}
 
 
-RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds}
+RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
+          "blocks": blocks}

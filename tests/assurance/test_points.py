@@ -109,6 +109,10 @@ MARGINS = {
                   ("spread", 0.9, "containment: spread"), ("slack", 0.5, "no-alarm: slack"),
                   ("floor", 0.5, "no-alarm: floor")),
     "thresholds": (("h", 0.99, "threshold"), ("hx", 0.99, "threshold"), ("hx", 1.01, "ultimate-width: width beyond")),
+    "box": (("P", 0.999, "no-alarm: P beyond"), ("g", 0.999, "no-alarm: g beyond"), ("S", 0.999, "no-alarm: S beyond"),
+            ("rho", 0.999, "no-alarm: rho beyond"), ("Pb", 0.999, "containment: Pb"), ("gb", 0.999, "containment: gb"),
+            ("spread", 0.99, "containment: spread")),
+    "schedule": (("h", 0.99, "threshold"), ("hx", 0.99, "threshold"), ("hx", 1.01, "ultimate|repeat")),
 }
 BOTH = (("box", 0.6, "bounded: box beyond"), ("x0_hi", 0.5, "ranges: x0 box"))
 
@@ -119,7 +123,7 @@ def test_margins_refuse_what_does_not_hold(folder):
     real = "float32"
     assert all(m.holds for c in claims(design, real) for m in c.margins)
     cases = [(*case, True) for case in MARGINS.get(family, ())] + [
-        (*case, False) for case in BOTH if family != "thresholds" or case[0] != "box"]
+        (*case, False) for case in BOTH if family not in ("thresholds", "schedule", "blocks") or case[0] != "box"]
     assert len(cases) > 2
     for name, factor, words, of_set in cases:
         with pytest.raises(CertificateError, match=words):

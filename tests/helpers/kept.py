@@ -20,7 +20,12 @@ from .scripts import GENERATED
 MADE = {"thresholds": TOML.replace('method = "zonotope"', """method = "zonotope"
 tables = "dwell"
 rows = 6
-stages = 3""")}
+stages = 3"""),
+        "schedule": TOML.replace('method = "zonotope"', """method = "zonotope"
+tables = "schedule"
+rows = 3
+""").replace("[switching]", """[switching]
+schedule = { every = 3, order = ["one", "two"] }""")}
 HOME = Path(tempfile.gettempdir()) / "residua-kept"
 
 
@@ -43,6 +48,6 @@ def at(folder: Path) -> Path:
 
 
 OWN = {json.loads((f / "resources.json").read_text(encoding="ascii"))["family"] for f in GENERATED}
-KEPT = [*GENERATED, *(HOME / family for family in FAMILIES if family not in OWN)]
+KEPT = [*GENERATED, *(HOME / family for family in FAMILIES if family not in OWN and family in MADE)]
 POINTS = [f for f in KEPT if f not in GENERATED or (json.loads((f / "design.json").read_text())["tables"]["float32"]
                                                    .get("shape"))]
