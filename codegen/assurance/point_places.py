@@ -123,7 +123,7 @@ def _fields(design, t) -> dict[str, Array]:
             runner.reset(t, np.ones(1, dtype=bool))
         known[f"{stem}_hat"] = runner.x_hat[0]
         whole = runner.set[0]
-        if whole.dtype != t.dtype:  # stage and count of a table, which has no limit
+        if whole.dtype != t.dtype or hasattr(t.shape, "anywhere"):  # a table, or a set with starts of its own
             known.pop("limit", None)
         else:
             known[f"{stem}_set"] = np.diagonal(whole[:, :len(t.box)]).copy() if whole.ndim == 2 else whole
