@@ -18,7 +18,7 @@ FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": Zonoto
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
             "ellipsoid": EllipsoidObserver}
 
-__all__ = ["FAMILIES", "BlockObserver", "BlockTables", "Coordinates", "EllipsoidObserver", "EllipsoidTables", "FramerTables", "IntervalObserver",
-           "PointObserver", "PointTables", "PointTrace", "Runner", "ScheduleObserver", "ScheduleTables", "Supervision",
-           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver",
-           "ZonotopeTables"]
+__all__ = ["FAMILIES", "BlockObserver", "BlockTables", "Coordinates", "EllipsoidObserver", "EllipsoidTables",
+           "FramerTables", "IntervalObserver", "PointObserver", "PointTables", "PointTrace", "Runner",
+           "ScheduleObserver", "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver",
+           "Trace", "Variation", "ZonotopeObserver", "ZonotopeTables"]
