@@ -38,8 +38,9 @@ def random_plant(sizes=(3, 3, 1, 2), seed=0, noises=(2, 2), noise=0.01, name="pt
                  x=signals("x", n_x, 5.0), u=signals("u", n_u, 0.3), y=signals("y", n_y, 20.0),
                  w=signals("w", n_w, noise),
                  v=signals("v", n_v, noise), f=(Signal("actuator", "", -1.0, 1.0), Signal("sensor", "", -1.0, 1.0)),
-                 theta=(), x0_lo=np.full(n_x, -0.1), x0_hi=np.full(n_x, 0.2), modes=tuple(modes), switching=Switching(schedule=schedule),
-                 method="zonotope", options={}, target=Target(name, "float32", "table"), scenarios=())
+                 theta=(), x0_lo=np.full(n_x, -0.1), x0_hi=np.full(n_x, 0.2), modes=tuple(modes),
+                 switching=Switching(schedule=schedule), method="zonotope", options={},
+                 target=Target(name, "float32", "table"), scenarios=())
 
 
 def gains_of(plant, kind):
@@ -61,7 +62,7 @@ def point_design(plant, kind="luenberger", supervision=None, dwell=1, **options)
 
 
 def in_turn(design, q, every=1):
-    """The same modes, every so many runs those of the plant's schedule, if it has one; some samples stay out of turn."""
+    """The same modes, every so many runs those of the plant's schedule if it has one, some samples out of turn."""
     cycle = design.plant.switching.schedule
     if not cycle:
         return q
