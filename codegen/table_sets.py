@@ -137,7 +137,8 @@ def arbitrary(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     n, C = plant.n_x, [mode.C for mode in plant.observed.modes]
     if any(not np.array_equal(c, C[0]) for c in C):
         raise DesignError(f'{plant.name}: tables = "arbitrary" with a C that differs between modes (found), '
-                          'expected the same in all: the sample that ends a block is read with C of the next. Use tables = "none".')
+                          'expected the same in all: the sample that ends a block is read with C of the next. '
+                          'Use tables = "none".')
     least = int(options.get("order", n + 1))
     if least <= n:
         raise DesignError(f"{plant.name}: observer.order is {least} (found), expected at least {n + 1}: one more than "

@@ -128,7 +128,7 @@ def block_bounds(t, cert: dict, count: int) -> tuple[Array, Array]:
     """The same of a set carried from block to block, in its directions: (N, m) and (N, N, m)."""
     z, half = t.shape, np.array(cert["steady_box"]["half"])
     reach = np.abs(z.rows.astype(float)) @ half + z.scalars.astype(float).max(axis=0)
-    own = z.noise.astype(float).max(axis=0)[:, :count] + reach.max(axis=(0, 1))[:count]
+    own = z.noise.astype(float).max(axis=0)[:, :count] + reach[:, 1:].max(axis=(0, 1))[:count]  # 0: only at a start
     own = own * (1.0 + 4 * (z.order + len(half) + 8) * float(np.finfo(t.dtype).eps))
     return own, np.broadcast_to(own, (len(t.A), len(t.A), count))
 

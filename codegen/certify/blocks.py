@@ -112,7 +112,7 @@ class BlockDemands:
         z, half = self.z, rational(half)
         noise = np.max(rational(z.noise).reshape(-1, z.noise.shape[2]), axis=0)
         out = [product(abs(rational(z.rows[q, j])), column(half)).ravel() + max_of(rational(z.scalars[:, q, j]))
-               for q, j in np.ndindex(*z.rows.shape[:2])]
+               for q, j in np.ndindex(*z.rows.shape[:2]) if j]  # none has gone by only at a start
         return (max_of(np.array(out, dtype=object)) + noise) * (1 + 4 * (self.count + self.n + 8) * self.u)
 
 
