@@ -105,7 +105,7 @@ def state(t, names: Names) -> tuple[list[Member], list[Word], int]:
     words += [("before", "", f"mode whose gain put noise into x_hat at the block's start; {m}_MODES: none is in"),
               ("origin", "", "the same of this sample")] * tnl
     words.append(("since", "", f"samples since the block's start, 0 to {t.shape.longest}"))
-    numbers = [(names.real_type, "generators", f"[{m}_NSHAPE]",
+    numbers = [(names.real_type, "shape", f"[{m}_NSHAPE]",
                 (f"of the set at the block's start, {m}_NX numbers each, one generator after the other",))]
     return numbers, words, t.shape.order * len(t.box)
 
