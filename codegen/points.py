@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from .box_sets import with_box
 from .certify import set_claims
 from .errors import CertificateError, DesignError
 from .observers import PointTables
@@ -30,6 +31,9 @@ def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple[PointT
     CertificateError
     """
     resolve = None if proof["kind"] == "none" else partial(refit, plant, proof=proof)
+    if gains["set"] == "box":
+        t = with_box(plant, gains, real)
+        return t, set_claims.prove(plant.observed.modes, t, proof, resolve)
     if gains["set"] == "ellipsoid":
         t = with_ellipsoid(plant, gains, real)
         return t, set_claims.prove(plant.observed.modes, t, proof, resolve)

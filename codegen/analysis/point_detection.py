@@ -112,6 +112,8 @@ def settled_bounds(t, cert: dict) -> tuple[Array, Array]:
     The width that "settled" is measured by holds the noise in the estimate too, which depends on the mode: the box is
     scaled so that it covers any share of it. (A scaled box is kept as the box itself is.)
     """
+    if cert["set"] == "box":
+        return box_bounds(t, cert)
     z, C, M = t.shape, t.C.astype(float), t.M.astype(float)
     half, e = np.array(cert["steady_box"]["half"]), z.e.astype(float)
     most = np.array(cert["steady_box"]["width"]) / 2 - z.spread.astype(float).min(axis=0)
@@ -131,6 +133,16 @@ def block_bounds(t, cert: dict, count: int) -> tuple[Array, Array]:
     own = z.noise.astype(float).max(axis=0)[:, :count] + reach[:, 1:].max(axis=(0, 1))[:count]  # 0: only at a start
     own = own * (1.0 + 4 * (z.order + len(half) + 8) * float(np.finfo(t.dtype).eps))
     return own, np.broadcast_to(own, (len(t.A), len(t.A), count))
+
+
+def box_bounds(t, cert: dict) -> tuple[Array, Array]:
+    """The same of an interval set: what the firmware itself computes from the largest half widths."""
+    z = t.shape
+    half, most = np.array(cert["steady_box"]["half"]), np.array(cert["steady_box"]["width"]) / 2
+    half = half * np.max((most - z.spread.astype(float).min(axis=0)) / half)
+    S, P, rest = z.S.astype(float), z.P.astype(float), z.rho.astype(float).max(axis=1)
+    carried = P @ half + z.g.astype(float).max(axis=1)
+    return S @ half + rest, np.einsum("qyx,px->pqy", S, carried) + rest
 
 
 def responses(modes, t, path, channel: int):

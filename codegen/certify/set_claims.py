@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from . import blocks, ellipsoids, residual_gain, schedules, set_freeze, thresholds
+from . import blocks, boxes, ellipsoids, residual_gain, schedules, set_freeze, thresholds
 
 #: What is checked of each kind of set.
-CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check,
-          "schedule": schedules.check, "blocks": blocks.check, "ellipsoid": ellipsoids.check}
+CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check, "schedule": schedules.check,
+          "blocks": blocks.check, "ellipsoid": ellipsoids.check, "box": boxes.check}
 #: How the certificate of a table is made.
 TABLES = {"thresholds": thresholds.certificate, "schedule": schedules.certificate, "blocks": blocks.certificate}
 
@@ -39,6 +39,8 @@ def prove(modes, t, proof: dict, resolve=None, tables: tuple = (), kind: str = "
         A condition fails on the emitted constants.
     """
     level = dict(proof) if proof["kind"] == "none" else residual_gain.prove(modes, t.L, t.N, proof, resolve)
+    if hasattr(t.shape, "Pb"):
+        return boxes.prove(modes, t, level)
     if hasattr(t.shape, "kb"):
         cert = {**level, "set": "ellipsoid", "steady_box": None}
         ellipsoids.check(modes, t, cert)

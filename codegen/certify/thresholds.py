@@ -17,7 +17,7 @@ from ..errors import CertificateError
 from .exact import Q, down, rational, up
 from .freeze import nearest
 from .rounding import TINY, UNIT
-from .set_bounds import prove_dwell
+from .set_bounds import Room, prove_dwell
 from .sets import SetDemands
 
 Array = np.ndarray
@@ -157,8 +157,20 @@ def certificate(main, first, t, proof: dict) -> dict:
                                                                   "lo": (last / 2).tolist()}}
 
 
-def check(modes, t, cert: dict) -> list[str]:
-    """Re-check the certificate of a table of thresholds; return what is proved, one sentence per claim.
+def proved(modes, t, cert: dict) -> dict[str, Room]:
+    """Prove both parts of a table; return by how much each holds.
+
+    Parameters
+    ----------
+    modes : sequence
+        The plant's modes.
+    t : PointTables
+    cert : dict
+
+    Returns
+    -------
+    dict
+        "first" and "main" -> Room.
 
     Raises
     ------
@@ -168,6 +180,7 @@ def check(modes, t, cert: dict) -> list[str]:
     z, m, h = t.shape, recursion(modes, t), claimed_rows(t)
     directions = directions_of(t, z.directions.astype(float))
     first, anywhere = starts(t)
+    out = {}
     for name, H0, rows in (("first", first, h[:z.anew]), ("main", anywhere, h[z.anew:])):
         part = cert[name]
         boxes = np.array(part["boxes"])
@@ -175,7 +188,20 @@ def check(modes, t, cert: dict) -> list[str]:
             raise CertificateError(f"certificate: {len(boxes)} boxes (found) for {len(rows)} stages of the table.")
         claim = SimpleNamespace(directions=directions, h=rows, boxes=boxes, dwell=z.dwell, back=part["back"],
                                 coordinates=np.array(part["coordinates"]))
-        prove_dwell(m, H0, claim)
+        out[name] = prove_dwell(m, H0, claim)
+    return out
+
+
+def check(modes, t, cert: dict) -> list[str]:
+    """Re-check the certificate of a table of thresholds; return what is proved, one sentence per claim.
+
+    Raises
+    ------
+    CertificateError
+        Naming stage, mode, row and direction.
+    """
+    z = t.shape
+    proved(modes, t, cert)
     check_middle(t)
     width = np.array(cert["steady_box"]["width"])
     if np.any(rational(width) < 2 * np.max(rational(z.hx[[z.anew - 1, -1]]).reshape(-1, len(t.box)), axis=0)):

@@ -1,6 +1,7 @@
 """Run-time families: one recursion per file, the numpy step that the C must equal bit for bit."""
 
 from .blocks import BlockObserver, BlockTables
+from .box import BoxObserver, BoxTables
 from .coordinates import Coordinates
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
 from .framer import FramerTables, Variation
@@ -16,9 +17,9 @@ from .zonotope import ZonotopeObserver, ZonotopeTables
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
-            "ellipsoid": EllipsoidObserver}
+            "ellipsoid": EllipsoidObserver, "box": BoxObserver}
 
-__all__ = ["FAMILIES", "BlockObserver", "BlockTables", "Coordinates", "EllipsoidObserver", "EllipsoidTables",
-           "FramerTables", "IntervalObserver", "PointObserver", "PointTables", "PointTrace", "Runner",
-           "ScheduleObserver", "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver",
+__all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
+           "EllipsoidTables", "FramerTables", "IntervalObserver", "PointObserver", "PointTables", "PointTrace",
+           "Runner", "ScheduleObserver", "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver",
            "Trace", "Variation", "ZonotopeObserver", "ZonotopeTables"]

@@ -105,6 +105,9 @@ VARIANTS = {  # plant, then arguments of ``point_design``: between them every br
                               {"kind": "luenberger", "set": "ellipsoid", "supervision": GUARDED}),
     "ellipsoid, four outputs": ({"sizes": (2, 4, 2, 4), "noises": (1, 4), "seed": 3},
                                 {"kind": "luenberger", "set": "ellipsoid"}),
+    "box": ({"seed": 10}, {"kind": "tnl", "set": "interval", "supervision": GUARDED}),
+    "box, one output": ({"sizes": (1, 2, 0, 1), "noises": (1, 0), "seed": 6}, {"kind": "luenberger",
+                                                                               "set": "interval"}),
     "one mode": ({"sizes": (1, 3, 1, 2), "seed": 4}, {"kind": "tnl", "order": 8}),
 }
 
