@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..certify import residual_gain, thresholds
+from ..certify import residual_gain, schedules, thresholds
+from ..certify.blocks import BlockDemands, first_room
 from ..certify.ellipsoids import ROOM, EllipsoidDemands
 from ..certify.exact import Q, rational
 from ..certify.rounding import TINY, UNIT
@@ -109,7 +110,35 @@ def table(modes, t, cert: dict) -> dict[str, list[Margin]]:
                                    rational(np.array(cert["steady_box"]["width"])), 2 * last)]}
 
 
-HELD = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": table}
+def turn(modes, t, cert: dict) -> dict[str, list[Margin]]:
+    """Of a list along a schedule: the least room over the supports, from every start."""
+    last = np.max(rational(t.shape.hx[-len(t.shape.cycle):]), axis=0)
+    middle = abs(rational(t.x_lo) + rational(t.x_hi)) / 2
+    rows = [(Q(room), f"from {start}") for start, room in schedules.proved(modes, t).items()]
+    return {"alarm": [tightest("threshold beyond the support of all that can be", rows)], "state": [],
+            "bounded": [entrywise("box beyond the middle of the declared range", t.box, middle, True)],
+            "ultimate": [entrywise("width beyond twice the half widths of the rows that repeat",
+                                   rational(np.array(cert["steady_box"]["width"])), 2 * last)]}
+
+
+def carried(modes, t, cert: dict) -> dict[str, list[Margin]]:
+    """Of a set carried from block to block: what scalars, noise and box have beyond their demands, the first boxes."""
+    z, demands = t.shape, BlockDemands(modes, t, t.shape)
+    middle = abs(rational(t.x_lo) + rational(t.x_hi)) / 2
+    out = {"alarm": [entrywise(f"{name} beyond what noise, rounded tables and sums add", getattr(z, name),
+                               getattr(demands, name)()) for name in ("scalars", "noise", "e")],
+           "state": [tightest(f"{name}: box beyond the first errors, and within the limit",
+                              [(x, f"state {i}") for i, x in enumerate(left)]) for name, left in first_room(t).items()],
+           "bounded": [entrywise("box beyond the middle of the declared range", t.box, middle, True)]}
+    if cert.get("steady_box"):
+        half, width = (np.array(cert["steady_box"][k]) for k in ("half", "width"))
+        out["ultimate"] = [tightest("box beyond the hull after a block", [(x, f"state {i}") for i, x in enumerate(
+            demands.left(half))]), entrywise("width beyond twice the bounds that no settled set exceeds", rational(width),
+                                             2 * demands.settled(half)[len(z.directions):])]
+    return out
+
+
+HELD = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": table, "schedule": turn, "blocks": carried}
 
 
 def level(modes, t, cert: dict) -> list[Margin]:
@@ -159,7 +188,7 @@ def starts(limits: dict, t, runner) -> list[Margin]:
             runner.reset(t, np.ones(1, dtype=bool))
         centre, whole = rational(runner.x_hat[0]), runner.set[0]
         half = np.maximum(rational(getattr(t, name + "_hi")) - centre, centre - rational(getattr(t, name + "_lo")))
-        if whole.dtype != t.dtype:  # a table: its first rows are proved for the box
+        if whole.dtype != t.dtype or hasattr(t.shape, "anywhere"):  # a table: its first rows are proved for the box
             continue
         if hasattr(t.shape, "kb"):
             square = [Q(x) for x in np.diagonal(whole)]

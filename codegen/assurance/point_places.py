@@ -62,6 +62,8 @@ def read_sets(source: Source, design, d, t, read_apart: set[str], found) -> None
         inside: set[int] = set()
         for node in walk(definition.body):
             if isinstance(node, c_ast.Decl) and isinstance(node.init, c_ast.InitList) and "static" in node.storage:
+                if not any(_numbers(node, d.real, set())):
+                    continue  # whole numbers: the tree is that of the C as it is printed anew
                 inside |= {id(n) for n in walk(node)}
                 order = {k: known[k] for k in sorted(known, key=lambda k: (k != node.name, k in seen))}
                 seen |= _match(source, function, node, order, modes, d.real, found)
@@ -121,7 +123,7 @@ def _fields(design, t) -> dict[str, Array]:
             runner.reset(t, np.ones(1, dtype=bool))
         known[f"{stem}_hat"] = runner.x_hat[0]
         whole = runner.set[0]
-        if whole.dtype != t.dtype:  # stage and count of a table, which has no limit
+        if whole.dtype != t.dtype or hasattr(t.shape, "anywhere"):  # stage and count of a table, or fields of it: no limit
             known.pop("limit", None)
         else:
             known[f"{stem}_set"] = np.diagonal(whole[:, :len(t.box)]).copy() if whole.ndim == 2 else whole
@@ -183,6 +185,8 @@ def _orders(value: Array) -> Iterator[Array]:
         yield at[value.shape[1]:].ravel()  # the first directions are the outputs themselves
     if value.ndim == 4:
         yield at.swapaxes(2, 3).ravel()
+    if value.ndim == 5:
+        yield at.swapaxes(3, 4).ravel()
 
 
 def _read_starts(source: Source, prefix: str, known: dict, found) -> None:
