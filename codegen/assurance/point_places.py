@@ -62,9 +62,9 @@ def read_sets(source: Source, design, d, t, read_apart: set[str], found) -> None
         inside: set[int] = set()
         for node in walk(definition.body):
             if isinstance(node, c_ast.Decl) and isinstance(node.init, c_ast.InitList) and "static" in node.storage:
+                if not any(_numbers(node, d.real, set())):
+                    continue  # whole numbers: the tree is that of the C as it is printed anew
                 inside |= {id(n) for n in walk(node)}
-                if not any(isinstance(n, c_ast.Constant) and n.type in ("float", "double") for n in walk(node)):
-                    continue  # of whole numbers: compared with the tree above
                 order = {k: known[k] for k in sorted(known, key=lambda k: (k != node.name, k in seen))}
                 seen |= _match(source, function, node, order, modes, d.real, found)
         for c in () if function in starts else _numbers(definition.body, d.real, inside):

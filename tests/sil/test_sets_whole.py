@@ -14,12 +14,16 @@ from codegen.plant.load import loads
 from codegen.select import choose
 
 TABLE = MADE["thresholds"]
+TURN = TOML.replace('method = "zonotope"', 'method = "zonotope"\ntables = "schedule"').replace(
+    "[switching]", '[switching]\nschedule = { every = 3, order = ["one", "two", "three"] }').replace(
+    'mode = { every = 4, order = ["two", "one"] }', 'mode = { every = 3, order = ["one", "two", "three"] }')
+BLOCKS = TOML.replace('method = "zonotope"', 'method = "zonotope"\ntables = "arbitrary"')
 BOX = TOML.replace('method = "zonotope"', 'method = "zonotope"\nset = "interval"')
 ROUND = TOML.replace('method = "zonotope"', 'method = "ellipsoid"')
 
 
 @pytest.mark.parametrize("text,family", [(TOML, "zonotope"), (TABLE, "thresholds"), (ROUND, "ellipsoid"),
-                                         (BOX, "box")])
+                                         (BOX, "box"), (TURN, "schedule"), (BLOCKS, "blocks")])
 def test_plant_file_to_validated_firmware(text, family, tmp_path):
     path = tmp_path / "pt.toml"
     path.write_text(text)
