@@ -30,9 +30,9 @@ WORDS = {
                  "allows at the sample that reads the row: from the initial box, and from every error at every phase "
                  "of the schedule", "the same with the unit vectors of x for d_i, rounding of x_hat -+ width included"),
     "blocks": ("|D_j H|_1 + scalars + noise >= support of every residual j samples after the block's start; [P_j H, "
-               "G_j] and the box e hold the error at its end; e and scalars hold what rounded tables and sums "
-               "lack where the row sums of |H| are below the limit", "the same with the unit vectors of x; first errors <= box "
-               "<= limit"),
+               "G_j] and the box e hold the error at its end; e and scalars hold what rounded tables and sums lack "
+               "where the row sums of |H| are below the limit", "the same with the unit vectors of x; first errors "
+               "<= box <= limit"),
     "box": ("b+ = P b + g with P >= |M| / (1 - (n + 1) u), g >= |F| 1 + rest; |r| <= S b + rho, S and rho alike of C",
             "spread >= |N_o Dv| v_half + rounding of x_hat -+ b; Pb and gb as P and g, of A"),
 }
