@@ -89,8 +89,8 @@ SCHEDULE_CHANGES = [("cycle[at] != in->mode", "cycle[0] != in->mode"), ("s->sinc
                     ("* PT_MODES) + in->mode", "* PT_MODES) + 0U"), ("s->since++;", ";"),
                     ("(PT_BEGIN * PT_MODES) + s->phase_at", "(PT_BEGIN * PT_MODES)")]
 BLOCK_CHANGES = [("box[i] = rounding[i]", "box[i] = 0.0F"),
-                 ("s->since >= PT_LONGEST", "s->since > PT_LONGEST"), ("(s->mode != s->block) ||", "(s->mode > 9U) ||"),
-                 ("s->before = s->origin;", ";"), ("s->block = s->mode;", "s->block = 0U;"),
+                 ("s->since >= PT_LONGEST", "s->since > PT_LONGEST"), ("(p != s->block) ||", "(p > 9U) ||"),
+                 ("s->before = s->origin;", ";"), ("s->block = p;", "s->block = 0U;"),
                  ("power[b][at][i][k]", "power[b][at][k][i]"), ("noise[now]", "noise[0]"),
                  ("added[o][b][at][first", "added[0][b][at][first"),
                  ("(radius[i] <= wide[i])", "(radius[i] <= 0.1F)"), ("(sum <= most[i])", "(sum <= 0.1F)")]
