@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from . import boxes, ellipsoids, residual_gain, set_freeze, thresholds
+from . import boxes, ellipsoids, residual_gain, set_freeze, thresholds, trace_ellipsoids
 
 #: What is checked of each kind of set.
 CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check, "ellipsoid": ellipsoids.check,
-          "box": boxes.check}
+          "box": boxes.check, "ellipsoid_trace": trace_ellipsoids.check}
 
 
 def prove(modes, t, proof: dict, resolve=None, tables: tuple = ()) -> dict:
@@ -37,6 +37,8 @@ def prove(modes, t, proof: dict, resolve=None, tables: tuple = ()) -> dict:
     level = dict(proof) if proof["kind"] == "none" else residual_gain.prove(modes, t.L, t.N, proof, resolve)
     if hasattr(t.shape, "Pb"):
         return boxes.prove(modes, t, level)
+    if hasattr(t.shape, "weight_y"):
+        return trace_ellipsoids.prove(modes, t, level)
     if hasattr(t.shape, "kb"):
         cert = {**level, "set": "ellipsoid", "steady_box": None}
         ellipsoids.check(modes, t, cert)

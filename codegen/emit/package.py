@@ -7,7 +7,6 @@ import json
 import os
 import shutil
 import tempfile
-from dataclasses import asdict
 from pathlib import Path
 
 from .. import __version__
@@ -86,7 +85,7 @@ def resources(d: DesignView, design) -> dict:
             **{name: _members(d, fields) for name, fields in
                (("in", d.in_fields), ("out", d.out_fields), ("state", d.state_fields))},
             "state_bytes": d.state_bytes,
-            "operations_per_step": asdict(d.operations), "supervision": s.to_dict(), "ranges": ranges | theta,
+            "operations_per_step": d.operations.counts(), "supervision": s.to_dict(), "ranges": ranges | theta,
             **({} if t.change is None else {"change": t.change.to_dict()})}
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..observers.point import centred
-from . import box_parts, ellipsoid_parts, threshold_parts
+from . import box_parts, ellipsoid_parts, ellipsoid_trace_parts, threshold_parts
 from .cprint import initialiser, literal, macro_names
 from .families import Member, Word, mode_word, state_layout
 from .layouts import lay_out
@@ -67,7 +67,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
 
     Parameters
     ----------
-    family : {"zonotope", "thresholds", "ellipsoid", "box"}
+    family : {"zonotope", "thresholds", "ellipsoid", "box", "ellipsoid_trace"}
     t : PointTables
     s : Supervision
     names : Names
@@ -250,4 +250,6 @@ def operations(t, views, n_u: int, n_y: int) -> Operations:
 FAMILY = {"zonotope": (state_of, operations, zonotope),
           "thresholds": (threshold_parts.state, threshold_parts.operations, threshold_parts.view),
           "ellipsoid": (ellipsoid_parts.state, ellipsoid_parts.operations, ellipsoid_parts.view),
-          "box": (box_parts.state, box_parts.operations, box_parts.view)}
+          "box": (box_parts.state, box_parts.operations, box_parts.view),
+          "ellipsoid_trace": (ellipsoid_trace_parts.state, ellipsoid_trace_parts.operations,
+                              ellipsoid_trace_parts.view)}

@@ -3,6 +3,7 @@
 from .box import BoxObserver, BoxTables
 from .coordinates import Coordinates
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
+from .ellipsoid_trace import EllipsoidTraceObserver, TraceTables
 from .framer import FramerTables, Variation
 from .interval import IntervalObserver
 from .point import PointObserver, PointTables
@@ -14,9 +15,10 @@ from .trace import PointTrace, Trace
 from .zonotope import ZonotopeObserver, ZonotopeTables
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
-            "thresholds": ThresholdObserver, "ellipsoid": EllipsoidObserver, "box": BoxObserver}
+            "thresholds": ThresholdObserver, "ellipsoid": EllipsoidObserver, "box": BoxObserver,
+            "ellipsoid_trace": EllipsoidTraceObserver}
 
 __all__ = ["FAMILIES", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver", "EllipsoidTables",
-           "FramerTables", "IntervalObserver", "PointObserver", "PointTables", "PointTrace", "Runner", "Supervision",
-           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver",
-           "ZonotopeTables"]
+           "EllipsoidTraceObserver", "FramerTables", "IntervalObserver", "PointObserver", "PointTables", "PointTrace",
+           "Runner", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables",
+           "Variation", "ZonotopeObserver", "ZonotopeTables"]
