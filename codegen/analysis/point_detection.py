@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 
 from ..algebra.error_set import ErrorRecursion
-from . import set_detectability
+from . import set_detectability, settled
 from .set_tables import DwellTable
 
 Array = np.ndarray
@@ -91,8 +91,8 @@ def settled_bounds(t, cert: dict) -> tuple[Array, Array]:
     The width that "settled" is measured by holds the noise in the estimate too, which depends on the mode: the box is
     scaled so that it covers any share of it. (A scaled box is kept as the box itself is.)
     """
-    if cert["set"] == "box":
-        return box_bounds(t, cert)
+    if cert["set"] in settled.BOUNDS:
+        return settled.BOUNDS[cert["set"]](t, cert)
     z, C, M = t.shape, t.C.astype(float), t.M.astype(float)
     half, e = np.array(cert["steady_box"]["half"]), z.e.astype(float)
     most = np.array(cert["steady_box"]["width"]) / 2 - z.spread.astype(float).min(axis=0)
@@ -103,16 +103,6 @@ def settled_bounds(t, cert: dict) -> tuple[Array, Array]:
     added = np.abs(np.einsum("qyx,poxc->pqoyc", C, z.F.astype(float))).sum(axis=4).max(axis=2)
     carried = np.abs(np.einsum("qyx,pxz->pqyz", C, M)) @ (half + e)
     return first * room, (carried + added + rest + np.abs(C) @ e) * room
-
-
-def box_bounds(t, cert: dict) -> tuple[Array, Array]:
-    """The same of an interval set: what the firmware itself computes from the largest half widths."""
-    z = t.shape
-    half, most = np.array(cert["steady_box"]["half"]), np.array(cert["steady_box"]["width"]) / 2
-    half = half * np.max((most - z.spread.astype(float).min(axis=0)) / half)
-    S, P, rest = z.S.astype(float), z.P.astype(float), z.rho.astype(float).max(axis=1)
-    carried = P @ half + z.g.astype(float).max(axis=1)
-    return S @ half + rest, np.einsum("qyx,px->pqy", S, carried) + rest
 
 
 def responses(modes, t, path, channel: int):

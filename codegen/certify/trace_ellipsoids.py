@@ -12,7 +12,7 @@ that is found is worse by ``LOSS`` at most: with s = tau(Z) / tau(S) and e the s
 
     within the tangents, 2^-12 <= s <= 2^36: the smallest tangent is off by 9/8 at most, three of Heron's steps
         e -> e^2 / 2 (1 + e) leave e < 1/1700, and (1 + 1/a) s + (1 + a) is e^2 root(s) above (1 + root(s))^2;
-    below, a = 1/64 (1 + e): s / a + a is at most 1/64 + 1/64 (1 + e), which is largest where s = 0: 1/64 (1 + e);
+    below, a = 1/64 but for e, and 1 + s + 64 s + 1/64 is (8 root(s) - 1/8)^2 above (1 + root(s))^2: at most 1/64;
     above, the last tangent is s / 2^17 + 2^15 and three steps leave a <= 7/8 root(s) + s / 2^20 + 2^12, s / a is at
         most root(s), so the sum exceeds the best by less than 2^-19 s.
 
@@ -235,7 +235,7 @@ def _check_roots(t, demands: EllipsoidDemands) -> None:
         raise CertificateError("certificate: spread, the bounds of x, is too small: they could lose the state.")
     if Q(z.slack) < 64 * n_y * u or Q(z.floor) < 4096 * n_y**3 * tiny:
         raise CertificateError("certificate: the room of the membership test is too small.")
-    if len(t.box) * 16 * u > ROOM[t.real]:
+    if len(t.box) * 4 * u > ROOM[t.real]:
         raise CertificateError(f"certificate: {len(t.box)} states (found) for the room of the noise.")
 
 
@@ -244,6 +244,12 @@ def _check_steady(t, cert: dict, names: list[str]) -> None:
     w = rational(t.shape.weight)
     W = np.array([[w[i] if i == j else fmpq(0) for j in range(len(w))] for i in range(len(w))], dtype=object)
     trace, half = Q(cert["trace"]), np.array(cert["steady_box"]["half"])
+    for S, inverse in zip(t.shape.H, t.shape.h):
+        for shape, value in zip(S, inverse):
+            if abs(Q(value) * sum(w * np.diagonal(rational(shape))) - 1) > 16 * len(w) * UNIT[t.real]:
+                raise CertificateError("certificate: h is not one over the weighted trace of H.")
+    if trace > 2**36:
+        raise CertificateError("certificate: the weighted trace is beyond what the roots are good for.")
     for q, (name, theta) in enumerate(zip(names, cert["shrink"])):
         M = rational(t.M[q])
         if leading_failure(Q(theta) * W - product(M.T, product(W, M))) is not None:

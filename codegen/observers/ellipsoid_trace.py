@@ -103,17 +103,21 @@ def root(z: TraceTables, values: Array) -> Array:
     return best
 
 
-def merged(z: TraceTables, A: Array, X: Array, k: Array, trace: Array, weight: Array, noise: Array,
-           inverse: Array) -> Array:
-    """Return the ellipsoid around ``A E(X) + E(noise)`` with the least weighted trace.
+def carried(z: TraceTables, A: Array, X: Array, k: Array, trace: Array, weight: Array,
+            inverse: Array) -> tuple[Array, Array]:
+    """Return ``Z = A X A'`` with its rounding, (S, r, r), and the weight a of its sum with the noise, (S,).
 
-    Shapes: A (S, r, n), X (S, n, n), k (S, r), trace (S,), weight (r,), noise (S, r, r), inverse (S,).
+    Shapes: A (S, r, n), X (S, n, n), k (S, r), trace (S,), weight (r,), inverse (S,).
     """
     Z = times(times(A, X), A.swapaxes(1, 2))
     i = np.arange(A.shape[1])
     Z[:, i, i] = Z[:, i, i] + k * trace[:, None]
-    a = root(z, weighted(weight, Z) * inverse)
-    one = z.a.dtype.type(1.0)
+    return Z, root(z, weighted(weight, Z) * inverse)
+
+
+def merged(Z: Array, a: Array, noise: Array) -> Array:
+    """Return the ellipsoid around those of Z and of the noise, each (S, r, r), with the weight a, (S,)."""
+    one = a.dtype.type(1.0)
     total = (one + one / a)[:, None, None] * Z + (one + a)[:, None, None] * noise
     return np.tril(total) + np.tril(total, -1).swapaxes(1, 2)
 
@@ -137,7 +141,8 @@ class EllipsoidTraceObserver(EllipsoidObserver):
         z, o = t.shape, np.minimum(origin, t.origins - 1)
         M, H, h, k = (t.M, z.H, z.h, z.k) if measured else (t.A, z.Hb, z.hb, z.kb)
         with np.errstate(over="ignore", invalid="ignore"):  # of a set that has grown, which starts again
-            return merged(z, M[p], X, k[p], weighted(z.weight, X), z.weight, H[p, o], h[p, o])
+            Z, a = carried(z, M[p], X, k[p], weighted(z.weight, X), z.weight, h[p, o])
+            return merged(Z, a, H[p, o])
 
     def radius(self, t: PointTables, q: Array, origin: Array, X: Array) -> Array:
         """Half widths of the bounds of x; no number where a square is below zero (an upset of the memory)."""
@@ -153,7 +158,8 @@ class EllipsoidTraceObserver(EllipsoidObserver):
     def shape_of_residuals(self, t: PointTables, q: Array, origin: Array, X: Array) -> Array:
         """R, (S, n_y, n_y)."""
         z = t.shape
-        return merged(z, t.C[q], X, z.kr[q], weighted(z.weight, X), z.weight_y, z.V[q, origin], z.v[q, origin])
+        Z, a = carried(z, t.C[q], X, z.kr[q], weighted(z.weight, X), z.weight_y, z.v[q, origin])
+        return merged(Z, a, z.V[q, origin])
 
     def judged(self, t: PointTables, q: Array, origin: Array, X: Array, r: Array) -> tuple[Array, Array]:
         """Bounds of each residual, and what is outside: a bit per output and, with several, one for the set."""

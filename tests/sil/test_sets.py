@@ -88,8 +88,16 @@ BOX_CHANGES = [("next[i] = added[p][o][i]", "next[i] = added[p][0U][i]"), ("size
                ("<= out->r_bound[i])", "<= (2.0F * out->r_bound[i]))")]
 
 
+TRACE_CHANGES = [("carried = 1.0F + (1.0F / share)", "carried = 1.0F"), ("added = 1.0F + share", "added = 1.0F"),
+                 ("(rounding[p][i] * trace)", "0.0F"), ("(rounding[q][i] * trace)", "0.0F"),
+                 ("k < PT_HERON", "k < (PT_HERON - 1U)"), ("inverse[p][o]", "inverse[p][0U]"),
+                 ("noise[q][o]", "noise[q][0U]"), ("s->origin = p;", "s->origin = PT_MODES;"),
+                 ("(other < root) ? other", "(other > root) ? other"), ("raw |= PT_BIT_TOGETHER", "raw |= 0U"),
+                 ("root(weight[i] * square)", "root(square)"), ("= (value < ", "= (value > ")]
+
+
 @pytest.mark.parametrize("variant,changes", [("gain on the new output", CHANGES), ("table", TABLE_CHANGES),
-                                             ("box", BOX_CHANGES)])
+                                             ("box", BOX_CHANGES), ("trace", TRACE_CHANGES)])
 def test_a_mutant_is_noticed(variant, changes, made, tmp_path):
     """A tie, a column, a margin, a transposition, a mode: the comparison above sees each."""
     design = made(variant)
@@ -142,6 +150,8 @@ def without_rounding(design):
     if design.observer.family == "ellipsoid":
         return changed(design, shape={"k": z.k * 0, "kr": z.kr * 0, "H": z.H * 0, "V": z.V * 0,
                                       "spread": z.spread * 0})
+    if design.observer.family == "ellipsoid_trace":
+        return changed(design, shape={name: getattr(z, name) * 0 for name in ("k", "kr", "H", "V", "spread")})
     if design.observer.family == "box":
         noise = BoxDemands(design.plant.modes, design.observer.tables["float32"]).columns
         only = {name: np.abs(noise[f].astype(float)).sum(axis=3).astype(np.float32)
@@ -151,7 +161,8 @@ def without_rounding(design):
 
 
 @pytest.mark.parametrize("kind,options", [("luenberger", {"order": 6}), ("tnl", {"order": 6}),
-                                          ("tnl", {"set": "ellipsoid"}), ("tnl", {"set": "interval"})])
+                                          ("tnl", {"set": "ellipsoid"}), ("tnl", {"set": "interval"}),
+                                          ("tnl", {"set": "ellipsoid", "weights": "trace"})])
 def test_rounding_is_inside_the_set(kind, options, tmp_path):
     """Noise a millionth of the states: the margins decide. Without them the same run loses states or alarms falsely."""
     plant = random_plant(noise=1e-8, seed=7)
@@ -209,7 +220,7 @@ def driven(plant, q, w, v):
 def smaller_sets(design):
     """Name and tables of mutants: a generator dropped, thresholds or shapes too small."""
     z = design.observer.tables["float32"].shape
-    if design.observer.family == "ellipsoid":
+    if design.observer.family in ("ellipsoid", "ellipsoid_trace"):
         return {"step": {"H": z.H * np.float32(0.02)}, "residual": {"V": z.V * np.float32(0.02)}}
     if design.observer.family == "box":
         return {"step": {"g": z.g * np.float32(0.5)}, "residual": {"rho": z.rho * np.float32(0.6)},
@@ -226,7 +237,7 @@ def smaller_sets(design):
 
 @pytest.mark.parametrize("kind,options", [
     ("luenberger", {"order": 12}), ("tnl", {"order": 12}), ("tnl", {"set": "ellipsoid"}),
-    ("tnl", {"set": "interval"}), ("tnl", {"tables": "dwell", "rows": 8, "stages": 5})])
+    ("tnl", {"set": "interval"}), ("tnl", {"set": "ellipsoid", "weights": "trace"}), ("tnl", {"tables": "dwell", "rows": 8, "stages": 5})])
 def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
     """Corners aligned with the residual at one sample. A generator dropped from the tables, and it alarms falsely."""
     design = point_design(random_plant(seed=9), kind, **options)
@@ -247,7 +258,7 @@ def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
 
 
 @pytest.mark.parametrize("variant", ["two outputs", "gain on the new output", "one mode", "table", "table of one mode",
-                                     "box", "box, one output"])
+                                     "box", "box, one output", "trace", "trace, one output"])
 def test_surely_detected_faults_are_found(variant, made):
     """Modes as slow as the promise asks, hostile noise: a step of the promised size shows by the promised sample."""
     from codegen.analysis.detectability import surely_detected

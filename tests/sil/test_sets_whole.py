@@ -14,11 +14,12 @@ from codegen.select import choose
 
 TABLE = TOML.replace('method = "zonotope"', 'method = "zonotope"\ntables = "dwell"')
 BOX = TOML.replace('method = "zonotope"', 'method = "zonotope"\nset = "interval"')
+TRACE = TOML.replace('method = "zonotope"', 'method = "ellipsoid"\nweights = "trace"')
 ROUND = TOML.replace('method = "zonotope"', 'method = "ellipsoid"')
 
 
 @pytest.mark.parametrize("text,family", [(TOML, "zonotope"), (TABLE, "thresholds"), (ROUND, "ellipsoid"),
-                                         (BOX, "box")])
+                                         (BOX, "box"), (TRACE, "ellipsoid_trace")])
 def test_plant_file_to_validated_firmware(text, family, tmp_path):
     path = tmp_path / "pt.toml"
     path.write_text(text)

@@ -19,7 +19,8 @@ def designs():
     return {"zonotope": point_design(plant, "tnl", order=6),
             "thresholds": point_design(plant, "tnl", tables="dwell", dwell=2, rows=4, stages=3),
             "ellipsoid": point_design(plant, "tnl", set="ellipsoid"),
-            "box": point_design(plant, "tnl", set="interval")}
+            "box": point_design(plant, "tnl", set="interval"),
+            "ellipsoid_trace": point_design(plant, "tnl", set="ellipsoid", weights="trace")}
 
 
 def smaller(value, share=0.9):
@@ -84,6 +85,26 @@ ELLIPSOID = {
 }
 
 
+TRACE = {
+    **{what: ELLIPSOID[what] for what in ("noise of a step", "noise of a blind step", "noise of the residual",
+                                          "not symmetric", "rounding of a step", "rounding of the residual",
+                                          "trace of odd weights", "spread", "slack", "floor", "L", "box")},
+    "trace": lambda t, c: (shape(t, weight=smaller(t.shape.weight, 0.25)), c),
+    "trace of residuals": lambda t, c: (shape(t, weight_y=smaller(t.shape.weight_y, 0.25)), c),
+    "scale": lambda t, c: (shape(t, scale=smaller(t.shape.scale, 1 - 1e-6)), c),
+    "scale of a residual": lambda t, c: (shape(t, scale_y=smaller(t.shape.scale_y, 1 - 1e-6)), c),
+    "tangent": lambda t, c: (shape(t, a=t.shape.a[::-1]), c),
+    "least number of a root": lambda t, c: (shape(t, least=smaller(t.shape.least)), c),
+    "one over the trace": lambda t, c: (shape(t, h=smaller(t.shape.h, 0.5)), c),
+    "shrinks more": lambda t, c: (t, c | {"shrink": [0.9 * x for x in c["shrink"]]}),
+    "shrinks not": lambda t, c: (t, c | {"shrink": [1.0] * 3}),
+    "largest trace": lambda t, c: (t, c | {"trace": 0.99 * c["trace"]}),
+    "beyond the roots": lambda t, c: (t, c | {"trace": 2.0**40}),
+    "half": lambda t, c: (t, c | {"steady_box": c["steady_box"] | {"half": (
+        0.99 * np.array(c["steady_box"]["half"])).tolist()}}),
+    "width": lambda t, c: (t, c | {"steady_box": c["steady_box"] | {"width": (
+        0.99 * np.array(c["steady_box"]["width"])).tolist()}}),
+}
 BOX = {
     "size of M": lambda t, c: (shape(t, P=smaller(t.shape.P, 1 - 2**-23)), c),
     "size of A": lambda t, c: (shape(t, Pb=smaller(t.shape.Pb, 1 - 2**-23)), c),
@@ -118,7 +139,7 @@ def rows(h, which):
 
 
 @pytest.mark.parametrize("real", ["float32", "float64"])
-@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid", "box"])
+@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid", "box", "ellipsoid_trace"])
 def test_what_holds_is_accepted(family, real, designs):
     design = designs[family]
     claims = set_claims.check(design.plant.modes, design.observer.tables[real], design.certificate[real])
@@ -145,6 +166,11 @@ def test_a_box_tampered_with_is_refused(what, designs):
     check(designs["box"], BOX[what])
 
 
+@pytest.mark.parametrize("what", TRACE)
+def test_an_ellipsoid_of_least_trace_tampered_with_is_refused(what, designs):
+    check(designs["ellipsoid_trace"], TRACE[what])
+
+
 def check(design: Design, tamper) -> None:
     """The certificate no longer holds for the changed numbers."""
     t, cert = tamper(design.observer.tables["float32"], design.certificate["float32"])
@@ -161,7 +187,7 @@ def test_a_gain_on_the_new_output_asks_for_a_plain_output(change, designs):
         set_claims.check(modes, design.observer.tables["float32"], design.certificate["float32"])
 
 
-@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid", "box"])
+@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid", "box", "ellipsoid_trace"])
 def test_design_json_keeps_every_number(family, designs, tmp_path):
     """Tables and family come back as they were written."""
     from helpers.points import TOML
