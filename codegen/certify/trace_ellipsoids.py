@@ -166,7 +166,7 @@ def _steady_trace(t, theta: Array) -> float | None:
 
 
 def _parts(t, q: int, theta: float) -> tuple[fmpq, fmpq]:
-    """Shares ``(1 + LOSS) c`` of the trace that is carried, and ``(1 + LOSS) tau(S)`` that is added, rounding inside."""
+    """What is carried of the trace, ``(1 + LOSS) c``, and added to it, ``(1 + LOSS) tau(S)``, rounding inside."""
     z, u = t.shape, UNIT[t.real]
     w, k = rational(z.weight), rational(z.k[q])
     most = 1 + LOSS + 16 * len(w) * u

@@ -9,10 +9,10 @@ At sample k, from estimate, shape X, input, output and mode p of sample k-1::
        beyond its bound
     5  keep x_hat, u, y, mode
 
-Source: Zammali (2020), 6.3.3, (6.29) and Theorem 22, as corrected in ``synthesis``. *Any* a > 0 makes an outer ellipsoid;
-the root of the ratio makes the one with the least weighted trace. So nothing but the size rests on how well the root is
-found: the smallest of a few tangents, then three of Heron's steps ``c = (z / c + c) / 2``. Each c, whatever it comes
-from, gives an upper bound of the root, which is what the bounds of states and residuals need.
+Source: Zammali (2020), 6.3.3, (6.29) and Theorem 22, as corrected in ``synthesis``. *Any* a > 0 makes an outer
+ellipsoid; the root of the ratio makes the one with the least weighted trace. So nothing but the size rests on how well
+the root is found: the smallest of a few tangents, then three of Heron's steps ``c = (z / c + c) / 2``. Each c, whatever
+it comes from, gives an upper bound of the root, which is what the bounds of states and residuals need.
 """
 
 from __future__ import annotations

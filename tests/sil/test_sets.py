@@ -236,8 +236,8 @@ def smaller_sets(design):
 
 
 @pytest.mark.parametrize("kind,options", [
-    ("luenberger", {"order": 12}), ("tnl", {"order": 12}), ("tnl", {"set": "ellipsoid"}),
-    ("tnl", {"set": "interval"}), ("tnl", {"set": "ellipsoid", "weights": "trace"}), ("tnl", {"tables": "dwell", "rows": 8, "stages": 5})])
+    ("luenberger", {"order": 12}), ("tnl", {"order": 12}), ("tnl", {"set": "ellipsoid"}), ("tnl", {"set": "interval"}),
+    ("tnl", {"set": "ellipsoid", "weights": "trace"}), ("tnl", {"tables": "dwell", "rows": 8, "stages": 5})])
 def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
     """Corners aligned with the residual at one sample. A generator dropped from the tables, and it alarms falsely."""
     design = point_design(random_plant(seed=9), kind, **options)
