@@ -2,7 +2,7 @@
 
 With Z = M X M' and S the shape of the noise, ``(1 + 1/a) Z + (1 + a) S`` holds ``M E(X) + E(S)`` for every a > 0, so
 for the a that the firmware finds, whatever it is worth. Rounded, the two factors are short of these by a few units at
-most; that, and the rounding of Z, is at most a small share of the weighted trace of X in every entry of Z, hence below a
+most; that, and the rounding of Z, is at most a small share of the weighted trace of X in every entry, and so below a
 diagonal matrix times that trace: k (as in ``ellipsoids``). S has room for its own. A root is taken of no number below
 ``least``, which keeps the factors below ``1 + 1 / root(least)`` and every product above the subnormal numbers.
 
@@ -27,7 +27,7 @@ import numpy as np
 from flint import fmpq
 
 from ..errors import CertificateError
-from .ellipsoids import ROOM, EllipsoidDemands
+from .ellipsoids import ROOM, EllipsoidDemands, check_range, reaches
 from .exact import Q, leading_failure, product, rational, up
 from .freeze import nearest
 from .rounding import TINY, UNIT
@@ -207,6 +207,7 @@ def check(modes, t, cert: dict) -> list[str]:
                     raise CertificateError(f'certificate: {name} in mode "{mode.name}" does not hold its noise: the '
                                            "set could lose a residual without fault.")
     _check_roots(t, demands)
+    _check_range(t)
     _check_reach(t, np.sqrt(len(t.box)))
     claims = ["the residual lies in its ellipsoid at every sample while no fault acts, so there is no false alarm, for "
               f"any switching, rounding included ({t.real}, with or without fused multiply-add)",
@@ -237,6 +238,15 @@ def _check_roots(t, demands: EllipsoidDemands) -> None:
         raise CertificateError("certificate: the room of the membership test is too small.")
     if len(t.box) * 4 * u > ROOM[t.real]:
         raise CertificateError(f"certificate: {len(t.box)} states (found) for the room of the noise.")
+
+
+def _check_range(t) -> None:
+    """Check that no residual's square overflows in the membership test: factors are below 130, a V below Z and V."""
+    z = t.shape
+    wy, reach = rational(z.weight_y), reaches(t, z.weight, z.kr)
+    for q, Z in enumerate(reach):
+        noise = max(sum(w * Q(x) for w, x in zip(wy, np.diagonal(V))) for V in z.V[q])
+        check_range(t, (132 * sum(wy * Z) + 4 * noise) * np.maximum(1 / wy, 1))
 
 
 def _check_steady(t, cert: dict, names: list[str]) -> None:

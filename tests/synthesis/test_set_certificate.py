@@ -178,6 +178,18 @@ def check(design: Design, tamper) -> None:
         set_claims.check(design.plant.modes, t, cert)
 
 
+@pytest.mark.parametrize("weights", ["fixed", "trace"])
+def test_squares_that_overflow_are_refused(weights):
+    """Ranges of 5e11: in float32 the membership test would meet infinity minus infinity, and alarm; boxes hold them."""
+    plant, f = random_plant(seed=8), 1e11
+    wide = {v: tuple(replace(s, lo=s.lo * f, hi=s.hi * f) for s in getattr(plant, v)) for v in "xy"}
+    modes = tuple(replace(m, **{k: getattr(m, k) * f for k in ("B", "Bw", "Dv", "Bf", "Df")}) for m in plant.modes)
+    plant = replace(plant, modes=modes, x0_lo=plant.x0_lo * f, x0_hi=plant.x0_hi * f, **wide)
+    with pytest.raises(CertificateError, match="not finite in float32. Use float64"):
+        point_design(plant, "tnl", set="ellipsoid", weights=weights)
+    assert point_design(plant, "tnl", set="interval").certificate["float32"]["steady_box"]
+
+
 @pytest.mark.parametrize("change", [{"D": np.ones((2, 1))}, {"C": np.ones((2, 3))}])
 def test_a_gain_on_the_new_output_asks_for_a_plain_output(change, designs):
     """N y+ would hold the new input, or the C of another mode: refused although every number is in order."""
