@@ -118,16 +118,8 @@ def tabulated(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     DesignError
         No table holds for this dwell time.
     """
-    n_y = plant.n_y
-    if n_y == 2:
-        spread = fan(2 * (int(options.get("directions", 8)) // 2))
-        rows = np.concatenate([np.eye(2), [d for d in spread if np.count_nonzero(d) > 1]])
-    else:
-        rows = np.eye(n_y)
-    chosen = {"directions": rows, "dwell": dwell, "limit": np.zeros(plant.n_x), "set": "thresholds"}
-    if n_y > 2:
-        t = draft(plant, gains, 2 * plant.n_x + plant.n_w + plant.n_v, 1e3 * np.ones(plant.n_x), "float64", rows[:0])
-        chosen["directions"] = np.concatenate([rows, directions(plant, t, gains)])
+    chosen = {"directions": compared(plant, gains, options), "dwell": dwell, "limit": np.zeros(plant.n_x),
+              "set": "thresholds"}
     sizes = [(int(options["rows"]), int(options.get("stages", STAGES[0])))] if "rows" in options else sorted(
         ((r, s) for r in ROWS for s in ((int(options["stages"]),) if "stages" in options else STAGES)),
         key=lambda pair: pair[0] * pair[1])
@@ -142,6 +134,18 @@ def tabulated(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
         if above <= TABLE_MARGIN:
             return tried
     return found
+
+
+def compared(plant: Plant, gains: dict, options: dict) -> Array:
+    """Directions in which residuals are compared with a table: the coordinates, then others."""
+    rows = np.eye(plant.n_y)
+    if plant.n_y == 2:
+        spread = fan(2 * (int(options.get("directions", 8)) // 2))
+        return np.concatenate([rows, [d for d in spread if np.count_nonzero(d) > 1]])
+    if plant.n_y == 1:
+        return rows
+    t = draft(plant, gains, 2 * plant.n_x + plant.n_w + plant.n_v, 1e3 * np.ones(plant.n_x), "float64", rows[:0])
+    return np.concatenate([rows, directions(plant, t, gains)])
 
 
 def ends(table) -> Array:
@@ -285,4 +289,4 @@ def directions(plant: Plant, t: PointTables, gains: dict) -> Array:
 
 
 #: How the set of each kind is sized.
-CHOICES = {"zonotope": sized, "tables": tabulated, "ellipsoid": weighted, "interval": boxed}
+CHOICES = {"zonotope": sized, "dwell": tabulated, "ellipsoid": weighted, "interval": boxed}

@@ -40,6 +40,8 @@ def thresholds(plant, t, cert: dict, within: int) -> Array:
     """
     if cert["set"] == "thresholds":
         return tabulated(plant, t, cert, within)
+    if cert["set"] == "schedule":
+        return along_schedule(plant, t, within)
     out = np.full((plant.n_f, within + 1), np.inf)
     if not cert.get("steady_box"):
         return out
@@ -83,6 +85,23 @@ def tabulated(plant, t, cert: dict, within: int) -> Array:
         out[j, :len(found)] = np.minimum.accumulate(found)
         out[j, len(found):] = out[j, len(found) - 1]
     return out
+
+
+def along_schedule(plant, t, within: int) -> Array:
+    """The same for a list along a schedule, once its rows repeat: the worst over the phase of the onset."""
+    z, modes = t.shape, plant.observed.modes
+    P, D = len(z.cycle), z.directions.astype(float)
+    h, out = z.h[-P:].astype(float), np.full((plant.n_f, within + 1), np.inf)
+    for j in range(plant.n_f):
+        worst = np.zeros(within + 1)
+        for onset in range(P):
+            path, found = [z.cycle[(onset + d - 1) % P] for d in range(within + 2)], np.inf
+            for d, r in enumerate(responses(modes, t, path, j)):
+                with np.errstate(divide="ignore"):
+                    found = min(found, np.min(2.0 * h[(onset + d) % P] / np.abs(D @ r)))
+                worst[d] = max(worst[d], found)
+        out[j] = worst
+    return out * (1.0 + 1e-6)
 
 
 def settled_bounds(t, cert: dict) -> tuple[Array, Array]:

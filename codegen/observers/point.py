@@ -173,7 +173,6 @@ class PointObserver(Runner):
     tables_class = PointTables
     trace_class = PointTrace
     shape_class: type = object
-    stated = False
 
     @classmethod
     def read(cls, data: dict, sizes: tuple[int, int, int, int]) -> PointTables:

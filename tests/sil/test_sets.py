@@ -12,6 +12,7 @@ from codegen.algebra import zonotope
 from codegen.certify.boxes import BoxDemands
 from codegen.host import build
 from codegen.observers import PointTrace
+from codegen.observers.thresholds import ThresholdObserver
 from codegen.observers.zonotope import reduced
 
 LAYOUTS = ("literal", "table", "loop")
@@ -47,7 +48,7 @@ def test_c_equals_the_reference(variant, real, made, tmp_path):
         driver = build(write(design, tmp_path / layout, real, layout))
         trace = driver.run_many(u, y, q)
         assert trace.differs(reference) == [], layout
-        box = {} if design.observer.family == "thresholds" else {"x0_lo": np.full(len(t.box), -0.01),
+        box = {} if isinstance(design.observer, ThresholdObserver) else {"x0_lo": np.full(len(t.box), -0.01),
                                                                  "x0_hi": np.full(len(t.box), 0.3)}
         assert driver.run_many(u[:4], y[:4], q[:4], **box).differs(
             design.observer.run_many(u[:4], y[:4], q[:4], real, **box)) == []
