@@ -18,8 +18,10 @@ LOSS, LONG = 1.0 + 1.0 / 60.0, 1.001
 def of_box(t, cert: dict) -> tuple[Array, Array]:
     """Of an interval set: what the firmware itself computes from the largest half widths."""
     z = t.shape
-    half, most = np.array(cert["steady_box"]["half"]), np.array(cert["steady_box"]["width"]) / 2
-    half = half * np.max((most - z.spread.astype(float).min(axis=0)) / half)
+    half, R = np.array(cert["steady_box"]["half"]), z.R.astype(float)
+    most = np.array(cert["steady_box"]["width"]) / 2 - z.spread.astype(float).min(axis=0)
+    with np.errstate(divide="ignore"):
+        half = half * np.max(np.min(most[:, None] / R, axis=0) / half)  # no b that fits the bounds of x is larger
     S, P, rest = z.S.astype(float), z.P.astype(float), z.rho.astype(float).max(axis=1)
     carried = P @ half + z.g.astype(float).max(axis=1)
     return S @ half + rest, np.einsum("qyx,px->pqy", S, carried) + rest

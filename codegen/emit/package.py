@@ -76,6 +76,8 @@ def resources(d: DesignView, design) -> dict:
               for name in ("x_lo", "x_hi", "x0_lo", "x0_hi", "u_lo", "u_hi", "y_lo", "y_hi")}
     if t.change is not None:
         ranges |= {name: getattr(t.change, name).astype(float).tolist() for name in ("z_lo", "z_hi")}
+    if getattr(getattr(t, "shape", None), "turned", False):
+        ranges["box_start"] = t.shape.Z.astype(float).tolist()
     theta = {} if not d.theta else {name: getattr(t.vary, name).astype(float).tolist()
                                     for name in ("theta_lo", "theta_hi")}
     return {"generator": f"residua {d.version}", "prefix": d.prefix, "macro": d.macro, "real": d.real,

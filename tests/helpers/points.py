@@ -49,10 +49,12 @@ def gains_of(plant, kind):
     return {"L": L, "N": N, "kind": kind}
 
 
-def point_design(plant, kind="luenberger", supervision=None, dwell=1, **options):
-    """Freeze and certify both number types."""
+def point_design(plant, kind="luenberger", supervision=None, dwell=1, turn=None, **options):
+    """Freeze and certify both number types; ``turn``: coordinates of a box, needed or not."""
     gains = gains_of(plant, kind)
     gains |= choice_of(options, "zonotope")(plant, gains, options, dwell)
+    if turn is not None:
+        gains |= {"coordinates": np.array(turn, dtype=float), "limit": 8 * gains["limit"]}
     made = {real: certified(plant, gains, {"kind": "none"}, real) for real in ("float32", "float64")}
     family = made["float32"][1]["set"]
     observer = FAMILIES[family]({real: t for real, (t, _) in made.items()}, supervision or Supervision())
@@ -101,6 +103,8 @@ VARIANTS = {  # plant, then arguments of ``point_design``: between them every br
     "trace, four outputs": ({"sizes": (2, 4, 2, 4), "noises": (1, 4), "seed": 3},
                             {"kind": "luenberger", "set": "ellipsoid", "weights": "trace"}),
     "box": ({"seed": 10}, {"kind": "tnl", "set": "interval", "supervision": GUARDED}),
+    "box, turned": ({"seed": 8}, {"kind": "tnl", "set": "interval",
+                                  "turn": [[1, 0.3, 0], [-0.2, 1, 0.4], [0.1, 0, 0.7]]}),
     "box, one output": ({"sizes": (1, 2, 0, 1), "noises": (1, 0), "seed": 6}, {"kind": "luenberger",
                                                                                "set": "interval"}),
     "one mode": ({"sizes": (1, 3, 1, 2), "seed": 4}, {"kind": "tnl", "order": 8}),

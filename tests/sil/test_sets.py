@@ -15,6 +15,7 @@ from codegen.observers import PointTrace
 from codegen.observers.thresholds import ThresholdObserver
 from codegen.observers.zonotope import reduced
 
+TURN = [[1, 0.3, 0], [-0.2, 1, 0.4], [0.1, 0, 0.7]]
 LAYOUTS = ("literal", "table", "loop")
 
 
@@ -89,6 +90,8 @@ BOX_CHANGES = [("next[i] = added[p][o][i]", "next[i] = added[p][0U][i]"), ("size
                ("<= out->r_bound[i])", "<= (2.0F * out->r_bound[i]))")]
 
 
+TURN_CHANGES = [("size[i][k]", "size[k][i]"), ("size[q][i][k]", "size[q][0][k]"), ("s->shape[i] = half[i]",
+                                                                                  "s->shape[i] = half[0]")]
 TRACE_CHANGES = [("carried = 1.0F + (1.0F / share)", "carried = 1.0F"), ("added = 1.0F + share", "added = 1.0F"),
                  ("(rounding[p][i] * trace)", "0.0F"), ("(rounding[q][i] * trace)", "0.0F"),
                  ("k < PT_HERON", "k < (PT_HERON - 1U)"), ("inverse[p][o]", "inverse[p][0U]"),
@@ -98,7 +101,8 @@ TRACE_CHANGES = [("carried = 1.0F + (1.0F / share)", "carried = 1.0F"), ("added 
 
 
 @pytest.mark.parametrize("variant,changes", [("gain on the new output", CHANGES), ("table", TABLE_CHANGES),
-                                             ("box", BOX_CHANGES), ("trace", TRACE_CHANGES)])
+                                             ("box", BOX_CHANGES), ("trace", TRACE_CHANGES),
+                                             ("box, turned", TURN_CHANGES)])
 def test_a_mutant_is_noticed(variant, changes, made, tmp_path):
     """A tie, a column, a margin, a transposition, a mode: the comparison above sees each."""
     design = made(variant)
@@ -154,15 +158,16 @@ def without_rounding(design):
     if design.observer.family == "ellipsoid_trace":
         return changed(design, shape={name: getattr(z, name) * 0 for name in ("k", "kr", "H", "V", "spread")})
     if design.observer.family == "box":
-        noise = BoxDemands(design.plant.modes, design.observer.tables["float32"]).columns
-        only = {name: np.abs(noise[f].astype(float)).sum(axis=3).astype(np.float32)
-                for name, f in (("g", "F"), ("gb", "Fb"), ("rho", "V"))}
+        noise, back = BoxDemands(design.plant.modes, design.observer.tables["float32"]).columns, np.linalg.inv(z.T)
+        only = {name: np.abs(turn @ noise[f].astype(float)).sum(axis=3).astype(np.float32)
+                for name, f, turn in (("g", "F", back), ("gb", "Fb", back), ("rho", "V", np.eye(2)))}
         return changed(design, shape=only | {"spread": z.spread * 0})
     return changed(design, shape={"e": z.e * 0, "rho": z.rho * 0, "spread": z.spread - np.float32(0.999) * z.e})
 
 
 @pytest.mark.parametrize("kind,options", [("luenberger", {"order": 6}), ("tnl", {"order": 6}),
                                           ("tnl", {"set": "ellipsoid"}), ("tnl", {"set": "interval"}),
+                                          ("tnl", {"set": "interval", "turn": TURN}),
                                           ("tnl", {"set": "ellipsoid", "weights": "trace"})])
 def test_rounding_is_inside_the_set(kind, options, tmp_path):
     """Noise a millionth of the states: the margins decide. Without them the same run loses states or alarms falsely."""
@@ -259,7 +264,7 @@ def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
 
 
 @pytest.mark.parametrize("variant", ["two outputs", "gain on the new output", "one mode", "table", "table of one mode",
-                                     "box", "box, one output", "trace", "trace, one output"])
+                                     "box", "box, turned", "box, one output", "trace", "trace, one output"])
 def test_surely_detected_faults_are_found(variant, made):
     """Modes as slow as the promise asks, hostile noise: a step of the promised size shows by the promised sample."""
     from codegen.analysis.detectability import surely_detected

@@ -20,6 +20,7 @@ def designs():
             "thresholds": point_design(plant, "tnl", tables="dwell", dwell=2, rows=4, stages=3),
             "ellipsoid": point_design(plant, "tnl", set="ellipsoid"),
             "box": point_design(plant, "tnl", set="interval"),
+            "turned": point_design(plant, "tnl", set="interval", turn=[[1, 0.3, 0], [-0.2, 1, 0.4], [0.1, 0, 0.7]]),
             "ellipsoid_trace": point_design(plant, "tnl", set="ellipsoid", weights="trace")}
 
 
@@ -139,7 +140,7 @@ def rows(h, which):
 
 
 @pytest.mark.parametrize("real", ["float32", "float64"])
-@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid", "box", "ellipsoid_trace"])
+@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid", "box", "turned", "ellipsoid_trace"])
 def test_what_holds_is_accepted(family, real, designs):
     design = designs[family]
     claims = set_claims.check(design.plant.modes, design.observer.tables[real], design.certificate[real])
@@ -161,9 +162,22 @@ def test_an_ellipsoid_tampered_with_is_refused(what, designs):
     check(designs["ellipsoid"], ELLIPSOID[what])
 
 
+TURNED = BOX | {
+    "coordinates": lambda t, c: (shape(t, T=t.shape.T[::-1].copy()), c),
+    "no inverse": lambda t, c: (shape(t, T=t.shape.T * 0), c),
+    "size of the coordinates": lambda t, c: (shape(t, R=smaller(t.shape.R, 1 - 2**-23)), c),
+    "size of their inverse": lambda t, c: (shape(t, Z=smaller(t.shape.Z, 1 - 2**-23)), c),
+}
+
+
 @pytest.mark.parametrize("what", BOX)
 def test_a_box_tampered_with_is_refused(what, designs):
     check(designs["box"], BOX[what])
+
+
+@pytest.mark.parametrize("what", TURNED)
+def test_a_turned_box_tampered_with_is_refused(what, designs):
+    check(designs["turned"], TURNED[what])
 
 
 @pytest.mark.parametrize("what", TRACE)
@@ -199,7 +213,7 @@ def test_a_gain_on_the_new_output_asks_for_a_plain_output(change, designs):
         set_claims.check(modes, design.observer.tables["float32"], design.certificate["float32"])
 
 
-@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid", "box", "ellipsoid_trace"])
+@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid", "box", "turned", "ellipsoid_trace"])
 def test_design_json_keeps_every_number(family, designs, tmp_path):
     """Tables and family come back as they were written."""
     from helpers.points import TOML
