@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 
 from ..algebra.error_set import ErrorRecursion
-from . import set_detectability
+from . import set_detectability, sure_faults
 from .set_tables import DwellTable
 
 Array = np.ndarray
@@ -38,8 +38,8 @@ def thresholds(plant, t, cert: dict, within: int) -> Array:
     ndarray (n_f, within + 1)
         Infinite where no size is sure.
     """
-    if cert["set"] == "thresholds":
-        return tabulated(plant, t, cert, within)
+    if cert["set"] in sure_faults.FOLLOWERS:
+        return sure_faults.thresholds(plant, t, cert, within)
     out = np.full((plant.n_f, within + 1), np.inf)
     if not cert.get("steady_box"):
         return out
