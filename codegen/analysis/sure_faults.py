@@ -32,8 +32,8 @@ MOST_SEQUENCES = 3000
 LEAST_BEFORE, LONGEST_BEFORE = 2, 60
 #: What bounds the firmware's own set, by its kind.
 FOLLOWERS = {"zonotope": Reduced, "ellipsoid": Shapes, "thresholds": Rows}
-#: Directions looked at for two residuals, whose test is exact.
-FAN = 24
+#: Directions looked at for two and three residuals where the test is exact.
+FAN, BALL = 24, 80
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,17 @@ def directions(t) -> Array:
     if n_y == 2 and not table:
         return zonotope.fan(FAN)
     own = t.shape.directions.astype(float)
+    if getattr(t.shape, "pairs", False):
+        own = ball(BALL)
     return own if table else np.concatenate([np.eye(n_y), own])
+
+
+def ball(count: int) -> Array:
+    """Directions spread evenly over half of the sphere, (count, 3)."""
+    k = np.arange(count) + 0.5
+    height, angle = k / count, np.pi * (1.0 + 5.0 ** 0.5) * k
+    flat = np.sqrt(1.0 - height * height)
+    return np.stack([flat * np.cos(angle), flat * np.sin(angle), height], axis=1)
 
 
 def supports(which: Follower, limit: Array, paths: Array, modes: int, dwell: int, onset: int, D: Array) -> Array:

@@ -72,7 +72,7 @@ METHODS = {
 }
 #: Options of every method with an error set.
 SETS = {"set": ("zonotope", "ellipsoid"), "order": (2, 200), "tables": ("none", "dwell"), "rows": (1, 200),
-        "stages": (3, 50), "directions": (2, 64),
+        "stages": (3, 50), "directions": (2, 64), "membership": ("auto", "exact", "directions"),
         "gains": dict}
 
 

@@ -10,6 +10,8 @@ import numpy as np
 from flint import fmpq, fmpq_mat
 from scipy.optimize import linprog
 
+from codegen.algebra import zonotope
+
 ANGLES = np.pi * np.arange(32) / 32
 ROUND = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1)
 
@@ -32,7 +34,7 @@ def bounds_along(design, real, q):
             sets.append((z.directions.astype(float), z.h[run._row(t, now, H)][0].astype(float)))
         elif run.family == "zonotope":
             R = np.concatenate([t.C[mode].astype(float) @ H[0], z.V[mode, origin[0]].astype(float)], axis=1)
-            edges = np.concatenate([D, np.stack([-R[1], R[0]], axis=1)]) if n_y == 2 else D
+            edges = np.concatenate([D, zonotope.normals(R)]) if n_y == 2 or z.pairs else D
             length = np.linalg.norm(edges, axis=1, keepdims=True)
             edges = (edges / np.where(length > 0, length, 1.0))[length[:, 0] > 0]
             sets.append((edges, np.abs(edges @ R).sum(axis=1) + np.abs(edges) @ z.rho[mode].astype(float)))
