@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 
 from ..algebra.error_set import ErrorRecursion
-from . import set_detectability, settled
+from . import set_detectability, sure_faults
 from .set_tables import DwellTable
 
 Array = np.ndarray
@@ -38,8 +38,8 @@ def thresholds(plant, t, cert: dict, within: int) -> Array:
     ndarray (n_f, within + 1)
         Infinite where no size is sure.
     """
-    if cert["set"] == "thresholds":
-        return tabulated(plant, t, cert, within)
+    if cert["set"] in sure_faults.FOLLOWERS:
+        return sure_faults.thresholds(plant, t, cert, within)
     if cert["set"] == "schedule":
         return along_schedule(plant, t, within)
     out = np.full((plant.n_f, within + 1), np.inf)
@@ -110,8 +110,6 @@ def settled_bounds(t, cert: dict) -> tuple[Array, Array]:
     The width that "settled" is measured by holds the noise in the estimate too, which depends on the mode: the box is
     scaled so that it covers any share of it. (A scaled box is kept as the box itself is.)
     """
-    if cert["set"] in settled.BOUNDS:
-        return settled.BOUNDS[cert["set"]](t, cert)
     z, C, M = t.shape, t.C.astype(float), t.M.astype(float)
     half, e = np.array(cert["steady_box"]["half"]), z.e.astype(float)
     most = np.array(cert["steady_box"]["width"]) / 2 - z.spread.astype(float).min(axis=0)

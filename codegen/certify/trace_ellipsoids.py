@@ -42,7 +42,7 @@ LOSS = fmpq(1, 60)
 #: Over a root's square: half widths of the bounds, from a root that is 1/1700 too large.
 LONG = fmpq(1001, 1000)
 #: Names of noise, its shape, one over its trace, matrix and rounding.
-FORMS = (("F", "H", "h", "M", "k"), ("Fb", "Hb", "hb", "A", "kb"), ("V", "V", "v", "C", "kr"))
+FORMS = (("F", "H", "r", "M", "k"), ("Fb", "Hb", "rb", "A", "kb"), ("V", "V", "rv", "C", "kr"))
 
 
 def rounding(demands: EllipsoidDemands, A: Array, weight: Array) -> Array:
@@ -254,10 +254,10 @@ def _check_steady(t, cert: dict, names: list[str]) -> None:
     w = rational(t.shape.weight)
     W = np.array([[w[i] if i == j else fmpq(0) for j in range(len(w))] for i in range(len(w))], dtype=object)
     trace, half = Q(cert["trace"]), np.array(cert["steady_box"]["half"])
-    for S, inverse in zip(t.shape.H, t.shape.h):
+    for S, inverse in zip(t.shape.H, t.shape.r):
         for shape, value in zip(S, inverse):
             if abs(Q(value) * sum(w * np.diagonal(rational(shape))) - 1) > 16 * len(w) * UNIT[t.real]:
-                raise CertificateError("certificate: h is not one over the weighted trace of H.")
+                raise CertificateError("certificate: r is not one over the weighted trace of H.")
     if trace > 2**36:
         raise CertificateError("certificate: the weighted trace is beyond what the roots are good for.")
     for q, (name, theta) in enumerate(zip(names, cert["shrink"])):

@@ -40,7 +40,7 @@ class TraceTables:
         W of the traces, powers of four that make states, and residuals, of like size.
     H, Hb : ndarray (N, O, n_x, n_x), V : ndarray (N, O, n_y, n_y)
         Shapes of what a step adds, with and without its measurement, and of the residual's noise.
-    h, hb, v : ndarray (N, O)
+    r, rb, rv : ndarray (N, O)
         One over the weighted traces of these.
     k, kb : ndarray (N, n_x), kr : ndarray (N, n_y)
         What rounding adds to the diagonals, times the weighted trace of X.
@@ -63,9 +63,9 @@ class TraceTables:
     H: Array
     Hb: Array
     V: Array
-    h: Array
-    hb: Array
-    v: Array
+    r: Array
+    rb: Array
+    rv: Array
     k: Array
     kb: Array
     kr: Array
@@ -139,9 +139,9 @@ class EllipsoidTraceObserver(EllipsoidObserver):
     def moved(self, t: PointTables, p: Array, q: Array, origin: Array, X: Array, measured: bool) -> Array:
         """The set one step of the modes p later."""
         z, o = t.shape, np.minimum(origin, t.origins - 1)
-        M, H, h, k = (t.M, z.H, z.h, z.k) if measured else (t.A, z.Hb, z.hb, z.kb)
+        M, H, inverse, k = (t.M, z.H, z.r, z.k) if measured else (t.A, z.Hb, z.rb, z.kb)
         with np.errstate(over="ignore", invalid="ignore"):  # of a set that has grown, which starts again
-            Z, a = carried(z, M[p], X, k[p], weighted(z.weight, X), z.weight, h[p, o])
+            Z, a = carried(z, M[p], X, k[p], weighted(z.weight, X), z.weight, inverse[p, o])
             return merged(Z, a, H[p, o])
 
     def radius(self, t: PointTables, q: Array, origin: Array, X: Array) -> Array:
@@ -158,7 +158,7 @@ class EllipsoidTraceObserver(EllipsoidObserver):
     def shape_of_residuals(self, t: PointTables, q: Array, origin: Array, X: Array) -> Array:
         """R, (S, n_y, n_y)."""
         z = t.shape
-        Z, a = carried(z, t.C[q], X, z.kr[q], weighted(z.weight, X), z.weight_y, z.v[q, origin])
+        Z, a = carried(z, t.C[q], X, z.kr[q], weighted(z.weight, X), z.weight_y, z.rv[q, origin])
         return merged(Z, a, z.V[q, origin])
 
     def judged(self, t: PointTables, q: Array, origin: Array, X: Array, r: Array) -> tuple[Array, Array]:

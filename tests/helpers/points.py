@@ -75,6 +75,7 @@ VARIANTS = {  # plant, then arguments of ``point_design``: between them every br
     "gain on the new output": ({"seed": 1}, {"kind": "tnl", "supervision": GUARDED}),
     "smallest": ({"sizes": (1, 1, 0, 1), "noises": (1, 1)}, {"kind": "luenberger", "order": 2}),
     "no sensor noise": ({"sizes": (2, 2, 1, 1), "noises": (2, 0), "seed": 2}, {"kind": "tnl", "order": 5}),
+    "three outputs": ({"sizes": (2, 3, 1, 3), "noises": (1, 2), "seed": 11}, {"kind": "tnl", "order": 5}),
     "four outputs": ({"sizes": (2, 4, 2, 4), "noises": (1, 4), "seed": 3},
                      {"kind": "tnl", "order": 9, "supervision": Supervision(debounce=(1, 4), latch=False, recover=3)}),
     "table": ({"seed": 5}, {"kind": "tnl", "tables": "dwell", "dwell": 3, "rows": 4, "stages": 3}),

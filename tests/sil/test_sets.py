@@ -1,5 +1,6 @@
 """Point observers with a residual set: the C is the reference, and the sets hold what they must, rounding included."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -9,7 +10,9 @@ from helpers.points import VARIANTS, changed, point_design, random_plant
 from sil.test_equal import stimulus
 
 from codegen.algebra import zonotope
+from codegen.certify import set_claims
 from codegen.certify.boxes import BoxDemands
+from codegen.errors import CertificateError, DesignError
 from codegen.host import build
 from codegen.observers import PointTrace
 from codegen.observers.thresholds import ThresholdObserver
@@ -84,12 +87,13 @@ TABLE_CHANGES = [("< 3U)", "< 4U)"), ("s->stage++;", "s->stage = 1U;"), ("(PT_AN
                  ("return (s->since < PT_ROWS) ? s->since", "return (s->since < 1U) ? 0U")]
 
 
+PAIR_CHANGES = [("term[a + 2U] * term[b + 0U]", "term[a + 1U] * term[b + 0U]"), ("j = i + 1U;", "j = i + 9U;"),
+                ("(term[a + 0U] * term[b + 1U]) -", "(term[a + 0U] * term[b + 1U]) +"),
+                ("i < PT_EDGES", "i < 2U")]
 BOX_CHANGES = [("next[i] = added[p][o][i]", "next[i] = added[p][0U][i]"), ("size[p][i][k]", "size[p][k][i]"),
                ("s->origin = p;", "s->origin = PT_MODES;"), ("noise[q][o][i]", "noise[q][0U][i]"),
                ("radius[i] = spread[o][i] + ", "radius[i] = "),
                ("<= out->r_bound[i])", "<= (2.0F * out->r_bound[i]))")]
-
-
 TURN_CHANGES = [("size[i][k]", "size[k][i]"), ("size[q][i][k]", "size[q][0][k]"), ("s->shape[i] = half[i]",
                                                                                   "s->shape[i] = half[0]")]
 TRACE_CHANGES = [("carried = 1.0F + (1.0F / share)", "carried = 1.0F"), ("added = 1.0F + share", "added = 1.0F"),
@@ -102,12 +106,13 @@ TRACE_CHANGES = [("carried = 1.0F + (1.0F / share)", "carried = 1.0F"), ("added 
 
 @pytest.mark.parametrize("variant,changes", [("gain on the new output", CHANGES), ("table", TABLE_CHANGES),
                                              ("box", BOX_CHANGES), ("trace", TRACE_CHANGES),
-                                             ("box, turned", TURN_CHANGES)])
+                                             ("box, turned", TURN_CHANGES), ("three outputs", PAIR_CHANGES)])
 def test_a_mutant_is_noticed(variant, changes, made, tmp_path):
     """A tie, a column, a margin, a transposition, a mode: the comparison above sees each."""
     design = made(variant)
     u, y, q = stimulus(design.observer.tables["float32"], np.random.default_rng(3), runs=40)
     y[::2] = quiet_outputs(design, u[::2], q[::2], y[::2])
+    y[::4] += np.random.default_rng(4).uniform(-0.06, 0.06, y[::4].shape).astype(y.dtype)  # on either side of the edges
     reference = design.observer.run_many(u, y, q)
     folder = write(design, tmp_path / "c", layout="loop")
     text = (folder / "pt.c").read_text()
@@ -314,6 +319,53 @@ def test_membership_is_exact_for_two_outputs(made):
     assert (raw.any(axis=1) == (wanted > 1)).all()
     assert raw[:, 2].sum() > raw[:, :2].any(axis=1).sum()  # the set says more than its hull
     np.testing.assert_allclose(bound, [zonotope.hull(G) for G in sets], rtol=1e-9)
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_membership_is_exact_for_three_outputs(flat, made):
+    """Against the gauge of the same generators; directions chosen offline miss some of what it finds, and nothing else
+    is found that is inside. A set that is flat lets no point out of its plane pass.
+    """
+    design = made("three outputs")
+    run = design.observer
+    t = run.tables["float64"]
+    rng = np.random.default_rng(0)
+    H = 0.05 * rng.uniform(-1, 1, (150, 3, t.shape.columns))
+    if flat:  # the noise is not: only where it is left out
+        t = replace(t, shape=replace(t.shape, V=t.shape.V * 0, rho=t.shape.rho * 0))
+        H[:, :, 2:] = 0.0
+    q, origin = rng.integers(0, 2, len(H)), np.zeros(len(H), dtype=int)
+    sets = [np.concatenate([t.C[a] @ h, t.shape.V[a, 0]], axis=1) for a, h in zip(q, H)]
+    r = np.array([G @ rng.uniform(-1, 1, G.shape[1]) for G in sets])
+    wanted = 1 + 1e-9 * rng.choice([-1.0, 1.0], len(H)) * (1 if not flat else 1e4)
+    r *= (wanted / [zonotope.gauge(G, x) for G, x in zip(sets, r)])[:, None]
+    bound, raw = run.judged(t, q, origin, H, r)
+    assert (raw.any(axis=1) == (wanted > 1)).all()
+    assert raw[:, 3].sum() > 2 * raw[:, :3].any(axis=1).sum()
+    rows = np.concatenate([zonotope.template(G, x[None])[3:] for G, x in zip(sets[:4], r)])
+    some = replace(t, shape=replace(t.shape, pairs=False, directions=rows))
+    _, less = run.judged(some, q, origin, H, r)
+    assert not (less & ~raw).any() and less.any(axis=1).sum() < raw.any(axis=1).sum()
+    if flat:
+        off = np.array([np.cross(G[:, 0], G[:, 1]) for G in sets])
+        off = off * (1e-4 / np.linalg.norm(off, axis=1))[:, None]
+        assert run.judged(t, q, origin, H, 0.5 * r + off)[1].any(axis=1).all()
+
+
+def test_membership_of_three_outputs_is_chosen(made):
+    """Exact where it is cheap enough or asked for; refused for more outputs; products that overflow are refused."""
+    plant = random_plant((2, 3, 1, 3), 11, (1, 2))
+    assert made("three outputs").observer.tables["float32"].shape.pairs
+    few = point_design(plant, "tnl", order=5, membership="directions").observer.tables["float32"].shape
+    assert not few.pairs and len(few.directions)
+    assert not point_design(plant, "tnl", order=20).observer.tables["float32"].shape.pairs
+    assert point_design(plant, "tnl", order=20, membership="exact").observer.tables["float32"].shape.pairs
+    with pytest.raises(DesignError, match='membership is "exact" with 4 outputs .found., expected at most 3'):
+        point_design(random_plant((2, 4, 2, 4), 3, (1, 4)), order=9, membership="exact")
+    design = made("three outputs")
+    t, cert = design.observer.tables["float32"], design.certificate["float32"]
+    with pytest.raises(CertificateError, match="products of three residuals may overflow"):
+        set_claims.check(plant.modes, replace(t, y_hi=t.y_hi * np.float32(1e13)), cert)
 
 
 def test_reduction_is_the_algebra_s(made):

@@ -96,7 +96,7 @@ TRACE = {
     "scale of a residual": lambda t, c: (shape(t, scale_y=smaller(t.shape.scale_y, 1 - 1e-6)), c),
     "tangent": lambda t, c: (shape(t, a=t.shape.a[::-1]), c),
     "least number of a root": lambda t, c: (shape(t, least=smaller(t.shape.least)), c),
-    "one over the trace": lambda t, c: (shape(t, h=smaller(t.shape.h, 0.5)), c),
+    "one over the trace": lambda t, c: (shape(t, r=smaller(t.shape.r, 0.5)), c),
     "shrinks more": lambda t, c: (t, c | {"shrink": [0.9 * x for x in c["shrink"]]}),
     "shrinks not": lambda t, c: (t, c | {"shrink": [1.0] * 3}),
     "largest trace": lambda t, c: (t, c | {"trace": 0.99 * c["trace"]}),

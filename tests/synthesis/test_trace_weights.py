@@ -87,7 +87,7 @@ def falls_short(design, real, change, X):
     """Whether a step computed with changed tables is short of what its own weight makes of exact sets, in rationals."""
     t, modes = design.observer.tables[real], design.plant.modes
     z, q, o = replace(t.shape, **change(t.shape)), 1, 2
-    Z, a = carried(z, t.M[q:q + 1], X[None], z.k[q:q + 1], weighted(z.weight, X[None]), z.weight, z.h[q, o][None])
+    Z, a = carried(z, t.M[q:q + 1], X[None], z.k[q:q + 1], weighted(z.weight, X[None]), z.weight, z.r[q, o][None])
     new = rational(merged(Z, a, z.H[q, o][None])[0])
     M, noise, a = rational(t.M[q]), EllipsoidDemands(modes, t).noise("F", q, o), Q(a[0])
     lack = new - (1 + 1 / a) * product(M, product(rational(X), M.T)) - (1 + a) * noise
