@@ -87,9 +87,15 @@ class Traced(Shapes):
         self.carried = np.array([np.linalg.norm(s[:, None] * M / s, 2) ** 2 for M in self.M])
         self.carried += 3.0 * self.k @ self.weight
 
-    def begin(self, X: Array) -> tuple[Array, Array, Array]:
-        """Nothing is known from below."""
-        return X, np.zeros_like(X), np.einsum("pii,i->p", X, self.weight)
+    def first(self, limit: Array) -> Array:
+        """An entry is a shape above all sets and, beneath it, one below: here none."""
+        above = super().first(limit)
+        return np.concatenate([above, np.zeros_like(above)])
+
+    def begin(self, entry: Array) -> tuple[Array, Array, Array]:
+        """See ``Follower``."""
+        X, Y = np.split(entry, 2, axis=1)
+        return X, Y, np.einsum("pii,i->p", X, self.weight)
 
     def _sums(self, state: tuple[Array, Array, Array], A: Array, k: Array, weight: Array, S: Array,
               inverse: Array) -> tuple[Array, Array]:
@@ -118,8 +124,13 @@ class Traced(Shapes):
         return np.where(rounder[:, None, None], round_one, above), below, trace
 
     def around(self, state: tuple[Array, Array, Array]) -> Array:
-        """See ``Follower``."""
-        return super().around(state[0])
+        """Above, and below: means, scaled until all shapes are between them."""
+        n, s = len(self.weight), np.sqrt(self.weight)
+        alike = state[1] * s * s[:, None]
+        mean = alike.mean(axis=0) + 1e-12 * np.eye(n)
+        least = np.linalg.eigvals(np.linalg.solve(mean, alike)).real.min()
+        below = mean * max(least - 1e-9, 0.0) * (1.0 - CLOSE) / s / s[:, None]
+        return np.concatenate([super().around(state[0]), below])
 
     def chosen(self, state: tuple[Array, Array, Array], at: Array) -> tuple[Array, Array, Array]:
         """See ``Follower``."""

@@ -229,6 +229,10 @@ def _check_roots(t, demands: EllipsoidDemands) -> None:
     if float(z.least) != LEAST or not (np.array_equal(z.b, np.array(POINTS) / 2)
                                        and np.array_equal(z.a, 0.5 / np.array(POINTS))):
         raise CertificateError("certificate: the tangents that a root starts from are not those of the proof.")
+    w = rational(z.weight)
+    for shape, value in zip(z.H.reshape(-1, len(w), len(w)), z.r.ravel()):
+        if abs(Q(value) * sum(w * np.diagonal(rational(shape))) - 1) > 16 * len(w) * u:
+            raise CertificateError("certificate: r is not one over the weighted trace of H.")
     for scale, weight in ((z.scale, z.weight), (z.scale_y, z.weight_y)):
         if np.any(rational(scale) < np.array(_scale(weight, t.real), dtype=object)):
             raise CertificateError("certificate: a scale is too small: a root could lie below that of its number.")
@@ -254,10 +258,6 @@ def _check_steady(t, cert: dict, names: list[str]) -> None:
     w = rational(t.shape.weight)
     W = np.array([[w[i] if i == j else fmpq(0) for j in range(len(w))] for i in range(len(w))], dtype=object)
     trace, half = Q(cert["trace"]), np.array(cert["steady_box"]["half"])
-    for S, inverse in zip(t.shape.H, t.shape.r):
-        for shape, value in zip(S, inverse):
-            if abs(Q(value) * sum(w * np.diagonal(rational(shape))) - 1) > 16 * len(w) * UNIT[t.real]:
-                raise CertificateError("certificate: r is not one over the weighted trace of H.")
     if trace > 2**36:
         raise CertificateError("certificate: the weighted trace is beyond what the roots are good for.")
     for q, (name, theta) in enumerate(zip(names, cert["shrink"])):
