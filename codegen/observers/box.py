@@ -64,6 +64,11 @@ class BoxTables:
         """Whether there are coordinates other than the states themselves."""
         return not np.array_equal(self.T, np.eye(len(self.T)))
 
+    @property
+    def unprinted(self) -> set[str]:
+        """Fields that the C does not hold."""
+        return {"T", "Z"} if self.turned else {"T", "Z", "R"}
+
     def to_dict(self) -> dict:
         """Return plain lists and numbers for design.json."""
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
