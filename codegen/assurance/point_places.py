@@ -28,6 +28,8 @@ UNPRINTED = {"x_lo", "x_hi", "x0_lo", "x0_hi", "u_lo", "u_hi", "y_lo", "y_hi"}
 READ_BY_MAPS = set("MGLNdABaCDc")
 #: What the test of all residuals together reads, which not every number of outputs needs.
 TOGETHER = {"directions", "slack", "floor"}
+#: Numbers of the formulas themselves, which the printed tree holds to their places.
+FORMULA = {0, 1, Fraction(1, 2)}
 
 
 def read_sets(source: Source, design, d, t, read_apart: set[str], found) -> None:
@@ -73,10 +75,11 @@ def read_sets(source: Source, design, d, t, read_apart: set[str], found) -> None
             if name:
                 found.add(name, "", function, (), known[name], c)
                 seen.add(name)
-            elif c.value:
+            elif c.value not in FORMULA:
                 raise CertificateError(f"{source.name}:{c.line}: {function} has {c.literal}, no number of the tables "
                                        "(expected none). Print it again.")
-    missing = [k for k, v in known.items() if np.any(v) and k not in seen | READ_BY_MAPS | TOGETHER]
+    apart = getattr(t.shape, "unprinted", set())
+    missing = [k for k, v in known.items() if np.any(v) and k not in seen | READ_BY_MAPS | TOGETHER | apart]
     if missing:
         raise CertificateError(f"{source.name}: does not hold {', '.join(missing)} of the tables (expected every one). "
                                "Print it again.")
