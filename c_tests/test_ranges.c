@@ -352,7 +352,6 @@ static int acts_as_some_mode(uint32_t mode, uint32_t phase)
     return found;
 }
 #endif
-
 static int spoilt_state(void)
 {
 #if CASE_HAS_PHASE
