@@ -92,6 +92,16 @@ static inline T(real) huge(void)
     return 1 / zero;
 }
 
+/* A little beyond an end, much less than one in a thousand of it. */
+static inline T(real) beyond(T(real) lo, T(real) hi, int above)
+{
+    const T(real) end = (above != 0) ? hi : lo;
+    const T(real) size = (end > 0) ? end : -end;
+    const T(real) by = ((size > 0) ? size : (hi - lo)) / 65536;
+
+    return (above != 0) ? (end + by) : (end - by);
+}
+
 /* All bytes, padding too, so that comparing bytes compares values. */
 static inline void wipe(bench *b)
 {
