@@ -226,7 +226,7 @@ def test_more_noise_or_less_disturbance_move_the_delay_the_right_way():
 def test_certificate_says_why_not():
     quiet, noisy = (0.001, 0.0), (0.005, 0.02)
     ranges = [example(*quiet).limits(v) for v in "xu"]
-    with pytest.raises(CertificateError, match="Use at least 2 ages"):
+    with pytest.raises(CertificateError, match="Use at least 3 ages"):
         certify_delays(tables(*quiet, 1), *ranges, 150)
     with pytest.raises(CertificateError, match="dwell time is 1"):
         certify_delays(tables(*quiet, 4), *ranges, 1)
