@@ -13,13 +13,17 @@ from rich.console import Console
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from helpers.folders import write  # noqa: E402
 from helpers.small_modes import TEXT  # noqa: E402
 
 from codegen import show, show_modes  # noqa: E402
 from codegen.analysis.mode_distinguishability import inapplicable  # noqa: E402
+from codegen.analysis.replay import replay  # noqa: E402
 from codegen.designs import read_design  # noqa: E402
 from codegen.emit.manual import assumed  # noqa: E402
+from codegen.host.build import build  # noqa: E402
 from codegen.plant.load import load, loads  # noqa: E402
+from codegen.plant.simulate import simulate  # noqa: E402
 from codegen.report import firmware_words  # noqa: E402
 from codegen.report.design_words import words_of  # noqa: E402
 
@@ -62,6 +66,19 @@ def test_check_says_what_it_does_not_test(name, words):
     p = loads(TEXT)
     assert inapplicable(p) is None
     assert 'signals.x "level" has no range' in inapplicable(replace(p, x=(replace(p.x[0], hi=np.inf), p.x[1])))
+
+
+def test_a_log_needs_no_mode_column(tmp_path):
+    design = read_design(FOLDER)
+    run = simulate(design.plant, "sensor fault")
+    rows = "".join(f"{u[0]},{y[0]}\n" for u, y in zip(run.u, run.y))
+    (tmp_path / "log.csv").write_text("u,y\n" + rows)
+    folder = write(design, tmp_path / "c")
+    result = replay(design, build(folder), tmp_path / "log.csv", tmp_path / "out")
+    lines = [line.split(",") for line in result.bounds.read_text().splitlines()]
+    assert lines[0][-4:] == ["mode", "mode_set", "settled_set", "age"] and len(lines) == 201
+    assert {line[-4] for line in lines[20:60]} == {"2"} and {line[-4] for line in lines[70:110]} == {"0"}
+    assert any(line[lines[0].index("alarm")] == "1" for line in lines[120:])
 
 
 def test_report_states_the_delays():
