@@ -1,0 +1,94 @@
+"""The gains of a design with other sets: how close each comes to the exact set, along one scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..algebra import ellipsoid, residual_sets, zonotope
+from ..analysis.set_blocks import block_table
+from ..analysis.set_history import SetHistory, noise_alone
+from ..analysis.set_tables import dwell_table
+from ..errors import DesignError
+from ..plant.model import Plant
+from . import words
+from .table import Cell, Row, Table, table
+
+Array = np.ndarray
+DIRECTIONS = 8  # of two residuals, in which sets are compared
+ROWS, STAGES = 12, 4  # of a table of thresholds
+BLOCK = 12  # samples
+ORDERS = (5, 10, 20)
+
+#: Name -> (recursion, path, half widths of the first error, directions, dwell) -> thresholds (K, d).
+SETS: dict[str, Callable] = {
+    "interval": lambda m, path, half, D, dwell: residual_sets.intervals(m, path, half) @ np.abs(D).T,
+    "ellipsoid": lambda m, path, half, D, dwell: np.array([
+        [np.sqrt(d @ R @ d) for d in D] for R in residual_sets.ellipsoids(m, path, ellipsoid.of_box(half))]),
+    **{f"zonotope of order {n}": lambda m, path, half, D, dwell, n=n: residual_sets.thresholds(
+        m, path, np.diag(half), D, max(n, len(half))) for n in ORDERS},
+    "table by time since the switch": lambda m, path, half, D, dwell: dwell_table(
+        m, dwell, np.diag(half), D, ROWS, STAGES).along(path),
+    "generators, reduced at a switch": lambda m, path, half, D, dwell: block_table(
+        m, D, BLOCK, max(ORDERS[0], len(half))).along(path, np.diag(half)),
+}
+
+
+def others(design, history: SetHistory, exact: list[Array | None], index: Array) -> tuple[Table, ...]:
+    """Compare the firmware's set and others with the exact one.
+
+    Parameters
+    ----------
+    design : Design
+    history : SetHistory
+    exact : list of (ndarray or None)
+    index : ndarray (k,) int
+        Samples to be looked at, of the first stretch.
+
+    Returns
+    -------
+    tuple of Table
+        None where the exact set is not known from the first sample on.
+    """
+    plant, m = design.plant, noise_alone(design.plant, history.t)
+    stop = next((k for k in range(1, len(exact)) if exact[k] is None or history.fresh[k]), len(exact))
+    index = index[index < stop]
+    settled = index[len(index) // 4:]
+    if m is None or len(settled) < 2:
+        return ()
+    D = zonotope.fan(DIRECTIONS) if plant.n_y == 2 else np.eye(plant.n_y)
+    real = np.array([zonotope.support(exact[k], D) for k in settled])
+    half = (np.asarray(plant.x0_hi, float) - np.asarray(plant.x0_lo, float)) / 2
+    path, dwell = history.q[:stop].tolist(), least_dwell(plant)
+    rows = [Row(_cells(f"this firmware: {design.observer.family}", supports(history, settled, D) / real), "chosen")]
+    for name, find in SETS.items():
+        try:
+            rows.append(Row(_cells(name, find(m, path, half, D, dwell)[settled] / real)))
+        except (DesignError, ValueError):
+            rows.append(Row((Cell(name), Cell("grows without bound", "num warn"), Cell(words.NONE, "num"))))
+    where = f"{DIRECTIONS} directions" if plant.n_y == 2 else "each output"
+    notes = (f"Thresholds over those of the exact set, in {where}, along the modes of the scenario; the first quarter "
+             "is left out. The first row is the firmware, rounding included. The others are computed in double "
+             f"precision with its gains; the tables know that a mode lasts at least {words.count(dwell, 'sample')}. "
+             "What each costs and finds as firmware of its own: residua compare.",)
+    return (table("The same gains with other sets", ("set", "#mean over exact", "#worst over exact"), rows, notes),)
+
+
+def supports(history: SetHistory, index: Array, D: Array) -> Array:
+    """Return how far the firmware's set reaches in directions, (k, d): the largest d' r over points of its edge."""
+    if D.shape[1] != 2:
+        return history.bound[index].astype(float) @ np.abs(D).T
+    return np.array([np.max(history.outline(int(k)) @ D.T, axis=0) for k in index])
+
+
+def least_dwell(plant: Plant) -> int:
+    """Samples that every mode lasts at least: as declared, else 1."""
+    s = plant.switching
+    declared = s.average_dwell is not None and s.chatter == 1
+    return max(1, int(s.average_dwell / plant.sample_period + 1e-9)) if declared else 1
+
+
+def _cells(name: str, ratio: Array) -> tuple[Cell, ...]:
+    return (Cell(name), Cell(words.at_most(float(ratio.mean()), 3), "num"),
+            Cell(words.at_most(float(ratio.max()), 3), "num"))
