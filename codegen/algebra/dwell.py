@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
+import numpy as np
+
 
 def shortest(rho: float, lam: float) -> float:
     """Infimum of the certified average dwell times, -ln(rho)/ln(1 - lam), in samples.
@@ -58,3 +60,31 @@ def admissible(modes: tuple[int, ...], tau: float, chatter: float) -> bool:
         if bucket > chatter + 1e-12:
             return False
     return True
+
+
+def patterns(modes: int, dwell: int, steps: int) -> list[tuple[int, ...]]:
+    """List mode sequences that a dwell time admits: modes that stay, pairs and rounds at several paces, random ones.
+
+    Parameters
+    ----------
+    modes, dwell, steps : int
+
+    Returns
+    -------
+    paths : list of tuple of int
+    """
+    cycles = [[q] for q in range(modes)]
+    for pace in sorted({dwell, dwell + 1, 2 * dwell, 3 * dwell}):
+        for a in range(modes):
+            cycles += [[a] * dwell + [b] * pace for b in range(modes) if b != a]
+        cycles.append([q for q in range(modes) for _ in range(pace)])
+    paths = {tuple((cycle * (-(-steps // len(cycle))))[:steps]) for cycle in cycles}
+    rng = np.random.default_rng(0)
+    for _ in range(4 if modes > 1 else 0):
+        path: list[int] = []
+        while len(path) < steps:
+            q = int(rng.integers(modes - 1))
+            q += bool(path and q >= path[-1])  # another one than before
+            path += [q] * int(dwell + rng.integers(2 * dwell + 1))
+        paths.add(tuple(path[:steps]))
+    return sorted(paths)

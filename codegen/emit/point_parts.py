@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..observers.point import centred
+from ..observers.zonotope import set_work
 from . import ellipsoid_parts, threshold_parts
 from .cprint import initialiser, literal, macro_names
 from .families import Member, Word, mode_word, state_layout
@@ -233,16 +234,8 @@ def operations(t, views, n_u: int, n_y: int) -> Operations:
     z, n = t.shape, len(t.box)
     residual, forward, blind = (np.array(v.operations) for v in views)
     multiply, add = (int(c) for c in residual + np.maximum(forward, blind))
-    columns, kept, terms = z.columns, z.order - n, z.columns + z.V.shape[3]
-    multiply += 2 * n * columns + n * n * (kept + 1) + n_y * n * columns + n_y
-    add += n * columns + n * (columns - kept) + n * (n - 1) * kept + n_y * (n - 1) * columns + n * columns
-    add += n_y * (terms + 1) + 2 * n
-    compares = kept * columns - kept * (kept + 1) // 2 + 2 * n_u + 2 * n_y + 3 * n + n_y + n * columns + n_y * terms
-    rows = terms if n_y == 2 else len(z.directions) if n_y > 2 else 0
-    multiply += rows * (n_y * terms + 2 * n_y) + n_y * bool(rows)
-    add += rows * (n_y * terms + 2 * n_y) + n_y * bool(rows)
-    compares += rows * (terms + n_y + 2)
-    return Operations(multiply, add, compares)
+    own = set_work(n, n_y, z.order, z.F.shape[3], z.V.shape[3], len(z.directions))
+    return Operations(multiply + own.multiply, add + own.add + 2 * n, own.compare + 2 * n_u + 3 * n_y + 3 * n)
 
 
 #: Members of the state, operations and view of each family.

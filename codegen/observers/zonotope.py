@@ -90,6 +90,52 @@ class ZonotopeTables:
         return cls(order=int(data["order"]), **{name: shaped(name) for name in shapes})
 
 
+@dataclass(frozen=True)
+class SetWork:
+    """What the set of an observer costs in a sample, the estimate apart.
+
+    Parameters
+    ----------
+    multiply, add, compare : int
+        Operations of the dearest sample, which is one without a fault.
+    words : int
+        Numbers of the state.
+    """
+
+    multiply: int
+    add: int
+    compare: int
+    words: int
+
+
+def set_work(n_x: int, n_y: int, order: int, added: int, noises: int, directions: int = 0) -> SetWork:
+    """Count reduction, carrying of the generators, bounds of x and membership.
+
+    Parameters
+    ----------
+    n_x, n_y : int
+    order : int
+        l >= n_x.
+    added, noises : int
+        Columns of F and of V.
+    directions : int
+        Rows of the template; read for more than two outputs.
+
+    Returns
+    -------
+    work : SetWork
+    """
+    columns, kept = order + added, order - n_x
+    terms = columns + noises
+    rows = {1: 0, 2: terms}.get(n_y, directions)
+    each = rows * (n_y * terms + 2 * n_y) + n_y * bool(rows)
+    multiply = 2 * n_x * columns + n_x * n_x * (kept + 1) + n_y * n_x * columns + n_y + each
+    add = (n_x * columns + n_x * (columns - kept) + n_x * (n_x - 1) * kept + n_y * (n_x - 1) * columns + n_x * columns
+           + n_y * (terms + 1) + each)
+    compare = kept * columns - kept * (kept + 1) // 2 + n_x * columns + n_y * terms + rows * (terms + n_y + 2)
+    return SetWork(multiply, add, compare, n_x * columns)
+
+
 def reduced(z: ZonotopeTables, H: Array) -> tuple[Array, Array]:
     """Keep the l - n_x columns with the largest keys; box the others.
 
