@@ -82,11 +82,11 @@ class SetHistory:
             low, high = np.where(outside, low, middle), np.where(outside, middle, high)
         return high.reshape(k, d)
 
-    def outline(self, k: int, pair: tuple[int, int] = (0, 1)) -> Array:
-        """Return points on the edge of the set at a sample, (2 RAYS, 2), the other residuals being zero."""
-        rays = self._rays(np.array([k]), pair)
-        points = (self.reach(np.array([k]), rays)[0][:, None] * rays[0])[:, list(pair)]
-        return np.concatenate([points, -points])
+    def outlines(self, index: Array, pair: tuple[int, int] = (0, 1)) -> Array:
+        """Return points on the edges of sets, the other residuals being zero: (k,) -> (k, 2 RAYS, 2)."""
+        rays = self._rays(np.asarray(index), pair)
+        points = (self.reach(index, rays)[:, :, None] * rays)[:, :, list(pair)]
+        return np.concatenate([points, -points], axis=1)
 
     def gauges(self, index: Array, r: Array) -> Array:
         """Return how far out residuals are, 1 on the edge of the set of their samples: r (k, n_y) -> (k,)."""
@@ -96,10 +96,8 @@ class SetHistory:
             return np.where(still, 0.0, 1.0 / length)
 
     def areas(self, index: Array) -> Array:
-        """Return the areas of the sets of two residuals, (k,)."""
-        rays = self._rays(index, (0, 1))
-        ring = self.reach(index, rays)[:, :, None] * rays
-        ring = np.concatenate([ring, -ring], axis=1)
+        """Return the areas of the sets of two residuals, (k,) -> (k,)."""
+        ring = self.outlines(index)
         onward = np.roll(ring, -1, axis=1)
         return (ring[..., 0] * onward[..., 1] - ring[..., 1] * onward[..., 0]).sum(axis=1) / 2
 

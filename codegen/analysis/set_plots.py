@@ -26,8 +26,6 @@ EXACT = "exact"
 BUCKETS = 200
 #: A residual so many times as far out as the sets is drawn nearer, with how far it is.
 FAR = 4.0
-#: Thresholds whose largest is so many times the middle one are drawn on a logarithmic axis.
-STEEP = 8.0
 
 
 @dataclass(frozen=True)
@@ -123,6 +121,8 @@ def sets_figure(snapshots: Sequence[Snapshot], names: tuple[str, str]) -> Figure
         for axis, snapshot in zip(axes.flat, snapshots):
             _snapshot(axis, snapshot, reach)
             axis.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]))
+            axis.locator_params(nbins=4 if columns > 2 else 6)
+            axis.ticklabel_format(style="sci", scilimits=(-3, 4), useMathText=False)
         for axis in axes.flat[len(snapshots):]:
             axis.set_visible(False)
         for axis in axes.flat[max(0, len(snapshots) - columns):len(snapshots)]:
@@ -161,7 +161,7 @@ def _snapshot(axis: Axes, snapshot: Snapshot, reach: Array) -> None:
 
 
 def area_figure(time: Array, areas: Mapping[str, Array]) -> Figure:
-    """Draw the areas of several sets over time, logarithmic.
+    """Draw the areas of several sets over time; what they begin with may run off the panel.
 
     Parameters
     ----------
@@ -173,11 +173,11 @@ def area_figure(time: Array, areas: Mapping[str, Array]) -> Figure:
     -------
     Figure
     """
-    return _lines(time, areas, "area of the residual set", "log")
+    return _lines(time, areas, "area of the residual set")
 
 
 def threshold_figure(time: Array, exact: Array, tables: Mapping[str, Array], name: str) -> Figure:
-    """Draw thresholds in one direction over time, the exact one as a line in black.
+    """Draw thresholds in one direction over time, the exact one dashed; what they begin with may run off the panel.
 
     Parameters
     ----------
@@ -192,28 +192,25 @@ def threshold_figure(time: Array, exact: Array, tables: Mapping[str, Array], nam
     -------
     Figure
     """
-    curves = {**tables, EXACT: exact}
-    every = np.concatenate([*curves.values()])
-    wide = np.nanmax(every) > STEEP * np.nanmedian(every)
-    figure = _lines(time, curves, f"threshold on {name}", "log" if wide else "linear")
-    if not wide:
-        figure.axes[0].set_ylim(bottom=0.0)
-    return figure
+    return _lines(time, {**tables, EXACT: exact}, f"threshold on {name}")
 
 
-def _lines(time: Array, curves: Mapping[str, Array], label: str, scale: str) -> Figure:
+def _lines(time: Array, curves: Mapping[str, Array], label: str) -> Figure:
     with style():
         figure = Figure(figsize=(WIDTH, 2.6), layout="constrained")
         axis = figure.subplots()
         shown = pick(np.array([*curves.values()]).T, BUCKETS)
         for i, (name, values) in enumerate(curves.items()):
             axis.plot(time[shown], values[shown], linewidth=1.2, label=name, **_line(name, i))
-        axis.set(xlabel="time (s)", ylabel=label, yscale=scale, xlim=(time[0], time[-1]))
+        settled = np.array([*curves.values()])[:, len(time) // 4:]
+        axis.set(xlabel="time (s)", ylabel=label, xlim=(time[0], time[-1]), ylim=(0.0, 1.15 * np.nanmax(settled)))
+        axis.ticklabel_format(axis="y", style="sci", scilimits=(-3, 4), useMathText=False)
         figure.legend(loc="outside upper left", ncols=6, handlelength=1.8, columnspacing=1.2)
     return figure
 
 
-def order_figure(orders: Sequence[int], mean: Array, worst: Array, cost: Array, unit: str) -> Figure:
+def order_figure(orders: Sequence[int], mean: Array, worst: Array, cost: Array, unit: str,
+                 chosen: int | None = None) -> Figure:
     """Draw accuracy and cost against the order of a zonotope.
 
     Parameters
@@ -224,6 +221,8 @@ def order_figure(orders: Sequence[int], mean: Array, worst: Array, cost: Array, 
     cost : ndarray (k,)
     unit : str
         Of the cost.
+    chosen : int, optional
+        Marked by a line.
 
     Returns
     -------
@@ -235,7 +234,10 @@ def order_figure(orders: Sequence[int], mean: Array, worst: Array, cost: Array, 
         axis.plot(orders, worst, color=ALARM, marker="s", markersize=3.5, linewidth=1.2, label="threshold, worst")
         axis.plot(orders, mean, color=EDGE, marker="o", markersize=3.5, linewidth=1.2, label="threshold, mean")
         axis.axhline(1.0, color="#000000", linewidth=0.8, linestyle=":")
+        if chosen is not None:
+            axis.axvline(chosen, color="#000000", linewidth=0.8)
         axis.set(xlabel="order (columns kept)", ylabel="threshold / exact")
+        axis.xaxis.get_major_locator().set_params(integer=True)
         other = axis.twinx()
         other.plot(orders, cost, color=MODE, marker="^", markersize=3.5, linewidth=1.2, linestyle="--", label=unit)
         other.set(ylabel=unit, ylim=(0.0, 1.1 * np.max(cost)))

@@ -9,16 +9,17 @@ import numpy as np
 
 from ..algebra import zonotope
 from ..analysis import set_plots
+from ..analysis.order_cost import order_cost
 from ..analysis.set_history import SetHistory, exact_sets, watch
 from ..analysis.validate import Outcome
 from ..observers import PointTables
 from . import words
 from .plots import inline
 from .table import Plot, Table
-from .set_table import others
+from .set_table import least_dwell, others
 
 Array = np.ndarray
-SAMPLES = 120  # at which areas are measured
+SAMPLES = 100  # that curves over time show
 MOST_OUTPUTS = 3
 QUIET = 2.0  # times as large as before the fault: beyond it a set has started anew
 
@@ -77,7 +78,7 @@ def moments(w: Watched) -> list[tuple[str, int]]:
     later = good[(good > first) & (good < e.stop)]
     if len(before):
         later = later[np.all(history.bound[later] <= QUIET * history.bound[before[-1]], axis=1)]
-    return [*chosen, ("later", int(later[-1]))] if len(later) else chosen
+    return [*chosen, ("while it lasts", int(later[-1]))] if len(later) else chosen
 
 
 def pictures(design, w: Watched | None, name: str) -> tuple[Plot, ...]:
@@ -112,7 +113,7 @@ def pictures(design, w: Watched | None, name: str) -> tuple[Plot, ...]:
 
 def _snapshot(design, w: Watched, k: int, label: str, pair: tuple[int, int]) -> set_plots.Snapshot:
     history, n_y = w.history, w.history.bound.shape[1]
-    outlines = {design.observer.family: history.outline(k, pair)}
+    outlines = {design.observer.family: history.outlines(np.array([k]), pair)[0]}
     if n_y > 2:
         a, b = history.bound[k, list(pair)].astype(float)
         outlines["bound of each"] = np.array([[a, b], [-a, b], [-a, -b], [a, -b]])
@@ -171,6 +172,7 @@ def words_of(design, scenes: list[Watched | None]) -> tuple[SetWords, ...]:
     text.append("The largest residual taken for fault-free is on average "
                 f"{words.at_most(float(settled.mean()), 3)} times the exact one, at worst "
                 f"{words.at_most(float(settled.max()), 3)} times, the first quarter left out.")
+    plots += _orders(design, w.history.t)
     return (SetWords(" ".join(text), tuple(plots), others(design, w.history, w.exact, index)),)
 
 
@@ -183,7 +185,7 @@ def _about(design, w: Watched, stop: int) -> str:
 
 
 def _areas(design, w: Watched, index: Array) -> tuple[Plot, str]:
-    shown = index[np.unique(np.linspace(0, len(index) - 1, SAMPLES).astype(int))]
+    shown = index[:SAMPLES]
     areas = {design.observer.family: w.history.areas(shown),
              set_plots.EXACT: np.array([zonotope.area(w.exact[k]) for k in shown])}
     settled = slice(len(shown) // 4, None)
@@ -195,10 +197,30 @@ def _areas(design, w: Watched, index: Array) -> tuple[Plot, str]:
 
 
 def _thresholds(design, w: Watched, index: Array, hulls: Array) -> list[Plot]:
-    time, plots = index * design.plant.sample_period, []
+    index, hulls, plots = index[:SAMPLES], hulls[:SAMPLES], []
+    time = index * design.plant.sample_period
     for j, signal in enumerate(design.plant.y[:MOST_OUTPUTS]):
         figure = set_plots.threshold_figure(time, hulls[:, j], {design.observer.family: w.history.bound[index, j]},
                                             _named(signal))
         plots.append(Plot(inline(figure, f"setbound{j}", f"Threshold of output {signal.name} over time"), ""))
-    last = "Largest residual of each output that the firmware takes for fault-free, beside the exact one."
+    last = ("Largest residual of each output that the firmware takes for fault-free, beside the exact one. "
+            "At first both hold the whole initial box.")
     return [*plots[:-1], Plot(plots[-1].svg, last)]
+
+
+def _orders(design, t: PointTables) -> list[Plot]:
+    """Accuracy and cost against the order of a zonotope; nothing for other sets."""
+    order, n_x = getattr(t.shape, "order", None), design.plant.n_x
+    if order is None:
+        return []
+    tried = sorted({*np.unique(np.geomspace(n_x + 1, max(2 * order, 24), 9).astype(int)).tolist(), order})
+    found = [o for o in order_cost(design.plant, t, tried, least_dwell(design.plant)) if np.isfinite(o.accuracy)]
+    if len(found) < 2:
+        return []
+    figure = set_plots.order_figure([o.order for o in found], np.array([o.accuracy for o in found]),
+                                    np.array([o.worst for o in found]), np.array([o.multiply_adds for o in found]),
+                                    "multiply-adds of the set per sample", order)
+    lost = [str(n) for n in tried if n < found[0].order]
+    caption = (f"What more generators buy and cost, over many mode sequences; the firmware keeps {order} (the line)."
+               + (f" With {words.listed(lost)} the set grows without bound." if lost else ""))
+    return [Plot(inline(figure, "setorder", "Accuracy and cost against the order of the zonotope"), caption)]

@@ -1,0 +1,128 @@
+"""Residual sets in the report: what is drawn is what the firmware's test accepts, and the exact set lies inside."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.points import VARIANTS, point_design, random_plant
+from helpers.reports import StandInDriver, outcomes_of, output_folder
+
+from codegen.algebra import zonotope
+from codegen.analysis import set_history
+from codegen.analysis.detectability import surely_detected
+from codegen.plant.model import Fault, Scenario
+from codegen.report import plots, set_table, set_words
+from codegen.report.page import write_report
+
+SHOWN = ("two outputs", "ellipsoid, one output", "four outputs", "table", "ellipsoid")
+
+
+def scenes(plant):
+    """Without a fault, and with one on the sensor."""
+    mode = tuple((5 * i, i % plant.n_modes) for i in range(10))
+    quiet = Scenario("no fault", 50, mode, ("0.2",) * plant.n_u, "corner", "corner", (), "", "uniform")
+    fault = replace(quiet, name="sensor", fault=(Fault(1, 30, 40, "0.5"),))
+    return replace(plant, scenarios=(quiet, fault))
+
+
+def with_report(variant):
+    """A certified design with what the report needs of a chosen one."""
+    made, options = VARIANTS[variant]
+    design = point_design(scenes(random_plant(**made)), **options)
+    found = surely_detected(design.plant, design.observer.tables["float32"], design.certificate["float32"], 1)
+    faults = [{"channel": f.channel, "unit": f.unit, "by_delay": [x if np.isfinite(x) else None for x in f.by_delay]}
+              for f in found]
+    choice = [{"method": "zonotope", "design": "given", "level": None, "relative_width": None,
+               "surely_detected": [None, None], "chosen": True}]
+    return replace(design, detection={r: faults for r in design.detection}, choice=choice)
+
+
+@pytest.fixture(scope="module", params=SHOWN)
+def shown(request):
+    design = with_report(request.param)
+    return request.param, design, outcomes_of(design)
+
+
+def test_outlines_are_where_the_firmware_changes_its_mind(shown):
+    """A hair inside is accepted, a hair outside is not, in every direction; and the noise alone never leaves."""
+    _, design, (quiet, _) = shown
+    history = set_history.watch(design.observer, "float32", quiet.truth)
+    assert np.array_equal(history.bound, quiet.trace.r_bound)
+    index, t = np.arange(0, 50, 7), history.t
+    rays = np.random.default_rng(0).normal(size=(6, design.plant.n_y))
+    length = history.reach(index, rays)
+    for side, outside in ((0.999, False), (1.001, True)):
+        for k, along in zip(index, length):
+            at = np.full(len(rays), k)
+            r = (side * along[:, None] * rays).astype(np.float32)
+            _, raw = design.observer.judged(t, history.q[at], history.origin[at], history.sets[at], r)
+            assert (raw.any(axis=1) == outside).all()
+    assert np.all(history.gauges(np.arange(50), quiet.trace.r) <= 1.0 + 1e-5)
+
+
+def test_the_exact_set_is_inside_and_follows_the_truth(shown):
+    variant, design, (quiet, fault) = shown
+    for o in (quiet, fault):
+        history = set_history.watch(design.observer, "float32", o.truth)
+        exact = set_history.exact_sets(design.plant, history)
+        assert exact[0] is not None and sum(G is None for G in exact) == 0
+        for k, G in enumerate(exact):
+            rays = np.random.default_rng(k).normal(size=(4, len(G)))
+            if len(G) <= 3:
+                inside = [zonotope.gauge(G, x) for x in rays]
+                assert np.all(history.reach(np.array([k]), rays)[0] * inside >= 1.0 - 1e-5), (variant, k)
+            assert np.all(zonotope.hull(G) <= history.bound[k] * (1 + 1e-6))
+    halved = [0.5 * zonotope.hull(G) for G in exact]  # a set half as large loses the residual under corner noise
+    assert any(np.any(np.abs(r) > h) for r, h in zip(quiet.trace.r, halved))
+
+
+def test_a_missing_measurement_ends_what_is_known_exactly():
+    design = with_report("two outputs")
+    truth = outcomes_of(design)[0].truth
+    y = truth.y.copy()
+    y[20] = np.nan
+    history = set_history.watch(design.observer, "float32", replace(truth, y=y))
+    exact = set_history.exact_sets(design.plant, history)
+    assert all(G is not None for G in exact[:20]) and all(G is None for G in exact[20:])
+
+
+def test_the_page_shows_sets_in_words_and_pictures(shown, tmp_path, monkeypatch):
+    variant, design, outcomes = shown
+    monkeypatch.setattr(plots, "states", lambda *_: ())  # they have tests of their own, and take their time
+    monkeypatch.setattr(plots, "residuals", lambda *_: ())
+    text = write_report(output_folder(tmp_path, design), design, StandInDriver(design), outcomes).read_text()
+    n_y = design.plant.n_y
+    assert "The residual set</h2>" in text and text.count('href="#sets"') == 1
+    assert text.count('aria-label="Residual set of') == {1: 0, 2: 2, 4: 6}[n_y]
+    assert text.count('aria-label="Threshold of output') == min(n_y, 3)
+    assert ('aria-label="Area of' in text) == (n_y == 2)
+    assert ('aria-label="Accuracy and cost' in text) == (design.observer.family == "zonotope")
+    assert "nan" not in re.sub("<[^>]*>", " ", text).split() and "None" not in text
+    for name in set_table.SETS:
+        assert f"<td>{name}</td>" in text or f'<td class="">{name}</td>' in text
+    assert ("outside: alarm" in text) == (n_y > 1)
+
+
+def test_the_samples_that_are_shown():
+    """Before the fault, at the first alarm, while it lasts; without a fault the sample that is closest to the edge."""
+    design = with_report("two outputs")
+    quiet, fault = set_words.watched(design, "float32", outcomes_of(design))
+    chosen = dict(set_words.moments(fault))
+    assert chosen["before the fault"] == 29
+    assert chosen["first alarm"] == 30 + fault.outcome.episodes[0].delay
+    assert 30 < chosen["while it lasts"] < 40
+    at = dict(set_words.moments(quiet))["closest to the edge"]
+    far = quiet.history.gauges(np.arange(10, 50), quiet.outcome.trace.r[10:])
+    assert far[at - 10] == far.max()
+
+
+def test_the_table_of_sets_orders_them(shown):
+    """More columns are no worse, an interval is worst of what is carried, and nothing beats the exact set."""
+    variant, design, outcomes = shown
+    (w, _) = set_words.watched(design, "float32", outcomes)
+    (found,) = set_table.others(design, w.history, w.exact, np.arange(50))
+    mean = {row.cells[0].text: float(row.cells[1].text) for row in found.rows if row.cells[2].text != "–"}
+    assert all(x >= 0.999 for x in mean.values())
+    assert mean["zonotope of order 20"] <= mean["zonotope of order 10"] + 0.02 <= mean["interval"] + 0.03
+    assert found.rows[0].kind == "chosen"
