@@ -13,7 +13,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
 from ..analysis.validate import Outcome
 from ..emit.render import template_root
 from ..errors import EmitError
-from . import assurance_words, firmware_words, outcome_words, period_words, plant_words, plots, set_words
+from . import assurance_words, compare_words, firmware_words, outcome_words, period_words, plant_words, plots, set_words
 from .assurance_words import AssuranceWords
 from .design_words import DesignWords, words_of
 from .period_words import PeriodWords
@@ -51,13 +51,15 @@ class ReportView:
     scenarios: tuple[ScenarioView, ...]
     cost_facts: tuple[Fact, ...]
     cost_tables: tuple[Table, ...]
+    compared: tuple[Table, ...]
     gains: tuple[Folded, ...]
     assurance: AssuranceWords
     provenance: tuple[Fact, ...]
     files: tuple[Link, ...]
 
 
-def write_report(folder, design, driver, outcomes: list[Outcome], periods: Sequence = ()) -> Path:
+def write_report(folder, design, driver, outcomes: list[Outcome], periods: Sequence = (),
+                 compared: Sequence = ()) -> Path:
     """Write ``report.html`` into the output folder; whole or not at all.
 
     Parameters
@@ -71,6 +73,8 @@ def write_report(folder, design, driver, outcomes: list[Outcome], periods: Seque
         Of ``analysis.validate``.
     periods : sequence of PeriodPoint
         Of ``periods.curve`` for a continuous plant.
+    compared : sequence of Compared
+        Of ``compare``, where it was run.
 
     Returns
     -------
@@ -82,7 +86,7 @@ def write_report(folder, design, driver, outcomes: list[Outcome], periods: Seque
         The file cannot be written.
     """
     path = Path(folder) / "report.html"
-    text = _print(view(Path(folder), design, driver, outcomes, periods))
+    text = _print(view(Path(folder), design, driver, outcomes, periods, compared))
     part = path.with_name("report.html.part")
     try:
         part.write_text(text, encoding="utf-8", newline="\n")
@@ -94,7 +98,8 @@ def write_report(folder, design, driver, outcomes: list[Outcome], periods: Seque
     return path
 
 
-def view(folder: Path, design, driver, outcomes: list[Outcome], periods: Sequence = ()) -> ReportView:
+def view(folder: Path, design, driver, outcomes: list[Outcome], periods: Sequence = (),
+         compared: Sequence = ()) -> ReportView:
     """Decide everything that the template prints; the parameters are those of ``write_report``."""
     plant, real, record = design.plant, driver.real, firmware_words.read_record(folder)
     cost_facts, cost_tables = firmware_words.cost(record)
@@ -107,7 +112,8 @@ def view(folder: Path, design, driver, outcomes: list[Outcome], periods: Sequenc
         sets=set_words.words_of(design, scenes),
         validation=(outcome_words.validation_table(outcomes),) if outcomes else (),
         scenarios=tuple(_scenario(design, real, i, o, w) for i, (o, w) in enumerate(zip(outcomes, scenes))),
-        cost_facts=cost_facts, cost_tables=cost_tables, gains=firmware_words.gains(design, real),
+        cost_facts=cost_facts, cost_tables=cost_tables, compared=compare_words.tables(design, compared),
+        gains=firmware_words.gains(design, real),
         assurance=assurance_words.words_of(folder),
         provenance=firmware_words.provenance(design, real, driver.layout, driver.prefix),
         files=firmware_words.links(folder, driver.prefix))

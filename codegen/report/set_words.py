@@ -132,7 +132,8 @@ def _caption(n_y: int, o: Outcome) -> str:
     """What is to be seen in the pictures of a scenario."""
     inside = ("Filled: where the firmware takes the pair of residuals for fault-free. "
               if n_y == 2 else "Filled: where the firmware takes the pair for fault-free while the other residuals are "
-              "zero; the rectangle: the bounds of each alone. ")
+              "zero; the rectangle: the bounds of each alone. They are not zero: a mark may lie outside the filled part without a "
+              "fault. ")
     exact = ("Dashed: the exact set, which disturbance and noise can fill; what lies between the two is given away for "
              "arithmetic that fits the target. " if n_y == 2 else "")
     fault = ("A residual outside is a fault: the mark turns into a cross. " if o.episodes else
