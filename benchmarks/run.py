@@ -1,7 +1,7 @@
 """One command, one run, one table: our layouts against what a user would pick instead.
 
-    python -m benchmarks            measure everything (half an hour); writes results.csv, whole.csv, RESULTS.md, sets.csv,
-                                    SETS.md
+    python -m benchmarks            measure everything (half an hour); writes results.csv, whole.csv, RESULTS.md,
+                                    sets.csv, SETS.md
     python -m benchmarks --quick    a few rows, printed, nothing written
     python -m benchmarks --table    write RESULTS.md and SETS.md from the CSV files again
 

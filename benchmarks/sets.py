@@ -34,8 +34,8 @@ BEFORE, ONSETS, WITHIN = 20, 15, 15
 SMALL = 1e-6
 #: Goals of f_on by kind of set: the figures of a prototype of each.
 GOALS = {"interval": 0.116, "ellipsoid": 0.063, "zonotope": 0.058}
-FIELDS = ("name", "kind", "family", "label", "on", "within", "promised_on", "promised_within", "multiply", "instructions",
-          "ram", "flash", "stack", "reason")
+FIELDS = ("name", "kind", "family", "label", "on", "within", "promised_on", "promised_within", "multiply",
+          "instructions", "ram", "flash", "stack", "reason")
 
 
 def plant() -> Plant:
@@ -173,19 +173,21 @@ def render(records: Sequence[dict]) -> str:
 
     made, lost = [r for r in records if not r["reason"]], [r for r in records if r["reason"]]
     lines = ["# Residual sets side by side", "",
-             f"The plant of Zammali (2020), 6.3.5 (gallery: {PLANT}), modes in turn, {DWELL} samples each; float32, the "
-             "layout of the plant", "file; Cortex-M4F, gcc -Os. Made by `python -m benchmarks.sets`.", "",
+             f"The plant of Zammali (2020), 6.3.5 (gallery: {PLANT}), modes in turn, {DWELL} samples each; float32,",
+             "the layout of the plant file; Cortex-M4F, gcc -Os. Made by `python -m benchmarks.sets`.", "",
              "| set | gains | f_on | f_late | promised at once | promised in time | multiply-adds | instructions | RAM "
              "| flash | stack |", "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|"]
     lines += ["| " + " | ".join([r["name"], r["label"], *(figure(r[k]) for k in (
         "on", "within", "promised_on", "promised_within")), *(cell(r[k]) for k in (
             "multiply", "instructions", "ram", "flash", "stack"))]) + " |" for r in made]
-    lines += ["", f"f_on, f_late: smallest step of the sensor fault that is surely found, at once and within {WITHIN} "
-              f"samples, whatever disturbance", f"and noise do, along this schedule from sample {BEFORE} on; the worst "
-              f"of {ONSETS} onsets. Twice the firmware's own set (the width of an", "interval), asked of its own test. "
-              "Promised: what the certificate says, for every mode sequence with that dwell time; at once",
-              "and within 3 samples. Multiply-adds: of the dearest step. Instructions: of the dearest ordinary step of "
-              "the golden self-test,", "counted by QEMU. Bytes.", ""]
+    lines += [
+        "", f"- f_on, f_late: smallest step of the sensor fault that is surely found, at once and within {WITHIN}",
+        "  samples, whatever disturbance and noise do, along this schedule from sample "
+        f"{BEFORE} on; the worst of {ONSETS} onsets.",
+        "  The response has to exceed twice the firmware's own set (the width of an interval), asked of its own test.",
+        "- Promised: what the certificate says, for every mode sequence with that dwell time; within 3 samples.",
+        "- Multiply-adds: of the dearest step. Instructions: of the dearest ordinary step of the self-test, in QEMU.",
+        ""]
     lines += ["| kind of set | goal for f_on | reached | by |", "|---|--:|--:|---|"]
     lines += [f"| {kind} | {goal:g} | {reached:.3g}{'' if reached <= goal else ' (missed)'} | {name} |"
               for kind, (goal, reached, name) in goals(records).items()]

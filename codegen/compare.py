@@ -105,11 +105,17 @@ def variants(orders: Sequence[int] = ()) -> list[Variant]:
             found.append(Variant(name, name, {}))
             continue
         for kind in SETS["set"]:
-            chosen = [{"set": kind, "order": n} for n in orders] if kind == "zonotope" and orders else [{"set": kind}]
-            found += [Variant(f"{name}: {kind}" + (f", order {o['order']}" if "order" in o else ""), name, o)
-                      for o in chosen]
+            found += [Variant(", ".join([f"{name}: {kind}", *(f"{k} {v}" for k, v in o.items())]), name,
+                              {"set": kind, **o}) for o in kinds_of(kind, orders)]
         found += [Variant(f'{name}: table "{t}"', name, {"tables": t}) for t in SETS["tables"] if t != "none"]
     return found
+
+
+def kinds_of(kind: str, orders: Sequence[int]) -> list[dict]:
+    """Options that make several variants of one set: orders of a zonotope, weights of an ellipsoid."""
+    several = {"zonotope": [{"order": n} for n in orders],
+               "ellipsoid": [{"weights": w} for w in SETS.get("weights", ())]}
+    return several.get(kind) or [{}]
 
 
 def chosen_variants(methods: Sequence[str], orders: Sequence[int] = ()) -> list[Variant]:
@@ -195,12 +201,12 @@ def figures(made: Design, folder: Path) -> dict:
     dict
     """
     real = made.plant.target.real
-    cert, record = made.certificate[real], json.loads((folder / "resources.json").read_text(encoding="ascii"))
+    record = json.loads((folder / "resources.json").read_text(encoding="ascii"))
     chip = CHIP if CHIP in record["measured"] else "host"
     size = record["measured"][chip]
     work = record["operations_per_step"]
-    return {"family": made.observer.family, "label": made.choice[0]["design"], "width": relative_width(made), "dwell": dwell_of(made),
-            "faults": [f["by_delay"] for f in made.detection[real]],
+    return {"family": made.observer.family, "label": made.choice[0]["design"], "width": relative_width(made),
+            "dwell": dwell_of(made), "faults": [f["by_delay"] for f in made.detection[real]],
             "multiply": work["multiply"], "add": work["add"], "flash": size["flash_bytes"],
             "ram": record["state_bytes"], "stack": size["stack_bytes"]["step"], "chip": chip,
             "instructions": instructions(folder)}

@@ -248,9 +248,9 @@ def compared(p: Plant, found) -> None:
                          *("-" if x is None else str(x) for x in (c.multiply, c.instructions, c.flash, c.ram, c.stack)))
     out.print(rows)
     chips = sorted({c.chip for c in found if c.chip})
-    out.print("width: guaranteed, states in units of their ranges, summed; faults: smallest step surely detected, - where "
-              "none is proved; mode lasts: samples, for the guarantee; multiply-adds: of the dearest step; instructions: "
-              "of the dearest ordinary step, Cortex-M4F in QEMU; flash, RAM, stack: bytes"
+    out.print("width: guaranteed, states in units of their ranges, summed; faults: smallest step surely detected, - "
+              "where none is proved; mode lasts: samples, for the guarantee; multiply-adds: of the dearest step; "
+              "instructions: of the dearest ordinary step, Cortex-M4F in QEMU; flash, RAM, stack: bytes"
               + (f", {', '.join(chips)} at -Os" if chips else ""))
     groups: dict[str, list[str]] = {}
     for c in found:

@@ -142,7 +142,7 @@ def watch(observer, real: str, truth) -> SetHistory:
 
 
 def noise_alone(plant, t: PointTables) -> ErrorRecursion | None:
-    """Return how disturbance and noise move error and residual, without rounding; None where C differs by mode (N != 0).
+    """Return how disturbance and noise move error and residual, without rounding; None where N != 0 and C is not one.
 
     Parameters
     ----------
@@ -192,3 +192,13 @@ def exact_sets(plant, history: SetHistory, most: int = 400) -> list[Array | None
         out.append(None if H is None or not history.measured[k] else
                    np.concatenate([m.C[q] @ H, m.V[before, q]], axis=1))
     return out
+
+
+def hulls(sets: list[Array]) -> Array:
+    """Return the half widths of residuals in exact sets, (k, n_y)."""
+    return np.array([zonotope.hull(G) for G in sets])
+
+
+def exact_areas(sets: list[Array]) -> Array:
+    """Return the areas of exact sets of two residuals, (k,)."""
+    return np.array([zonotope.area(G) for G in sets])

@@ -39,10 +39,11 @@ def tables(design, compared: Sequence) -> tuple[Table, ...]:
                 c.multiply, c.instructions, c.flash, c.ram, c.stack))))]
         rows.append(Row(tuple(cells), "chosen" if is_this(design, c) else ""))
     notes = ["Each was designed, certified, printed and compiled like this firmware, with the same number type and "
-             "layout. Relative width: guaranteed, states in units of their ranges, summed. Columns named after a fault: "
-             "the smallest step that is surely detected. A mode lasts: samples that the guarantee asks for. "
-             "Multiply-adds: of the dearest step. Instructions: of the dearest ordinary step of its self-test, on a "
-             f"simulated Cortex-M4F. Bytes for {words.listed(sorted({c.chip for c in made}))}, -Os.", *_reasons(compared)]
+             "layout. Relative width: guaranteed, states in units of their ranges, summed. Columns named after a "
+             "fault: the smallest step that is surely detected. A mode lasts: samples that the guarantee asks for. "
+             "Multiply-adds: of the dearest step. Instructions: of the dearest ordinary step of its self-test, on "
+             f"a simulated Cortex-M4F. Bytes for {words.listed(sorted({c.chip for c in made}))}, -Os.",
+             *_reasons(compared)]
     return (table("Other methods on this plant", head, rows, notes),)
 
 

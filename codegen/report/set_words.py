@@ -7,16 +7,15 @@ from itertools import combinations
 
 import numpy as np
 
-from ..algebra import zonotope
 from ..analysis import set_plots
 from ..analysis.order_cost import order_cost
-from ..analysis.set_history import SetHistory, exact_sets, watch
+from ..analysis.set_compare import DIRECTIONS, closeness, least_dwell
+from ..analysis.set_history import SetHistory, exact_areas, exact_sets, hulls, watch
 from ..analysis.validate import Outcome
 from ..observers import PointTables
 from . import words
 from .plots import inline
-from .table import Plot, Table
-from .set_table import least_dwell, others
+from .table import Cell, Plot, Row, Table, table
 
 Array = np.ndarray
 SAMPLES = 100  # that curves over time show
@@ -106,7 +105,8 @@ def pictures(design, w: Watched | None, name: str) -> tuple[Plot, ...]:
     for i, j in combinations(sorted(telling.tolist()), 2):
         shots = [_snapshot(design, w, k, label, (i, j)) for label, k in chosen]
         axes = tuple(_named(design.plant.y[a]) for a in (i, j))
-        label = f"Residual set of scenario {w.outcome.scenario.name}, {design.plant.y[i].name} and {design.plant.y[j].name}"
+        label = (f"Residual set of scenario {w.outcome.scenario.name}, {design.plant.y[i].name} and "
+                 f"{design.plant.y[j].name}")
         plots.append(Plot(inline(set_plots.sets_figure(shots, axes), f"{name}p{i}{j}", label), ""))
     return (*plots[:-1], Plot(plots[-1].svg, _caption(n_y, w.outcome)))
 
@@ -130,10 +130,10 @@ def _named(signal) -> str:
 
 def _caption(n_y: int, o: Outcome) -> str:
     """What is to be seen in the pictures of a scenario."""
-    inside = ("Filled: where the firmware takes the pair of residuals for fault-free. "
-              if n_y == 2 else "Filled: where the firmware takes the pair for fault-free while the other residuals are "
-              "zero; the rectangle: the bounds of each alone. They are not zero: a mark may lie outside the filled part without a "
-              "fault. ")
+    inside = ("Filled: where the firmware takes the pair of residuals for fault-free. " if n_y == 2 else
+              "Filled: where the firmware takes the pair for fault-free while the other residuals are zero; the "
+              "rectangle: the bounds of each alone. The others are not zero: a mark may lie outside the filled part "
+              "without a fault. ")
     exact = ("Dashed: the exact set, which disturbance and noise can fill; what lies between the two is given away for "
              "arithmetic that fits the target. " if n_y == 2 else "")
     fault = ("A residual outside is a fault: the mark turns into a cross. " if o.episodes else
@@ -162,19 +162,19 @@ def words_of(design, scenes: list[Watched | None]) -> tuple[SetWords, ...]:
     index = np.array([k for k in range(stop) if w.exact[k] is not None and np.all(w.history.bound[k] > 0)])
     if len(index) < 2:
         return ()
-    hulls = np.array([zonotope.hull(w.exact[k]) for k in index])
+    exact = hulls([w.exact[k] for k in index])
     plots, text = [], [_about(design, w, stop)]
     if len(design.plant.y) == 2:
         plot, sentence = _areas(design, w, index)
         plots, text = [plot], [*text, sentence]
-    plots += _thresholds(design, w, index, hulls)
-    ratio = w.history.bound[index] / np.maximum(hulls, 1e-300)
+    plots += _thresholds(design, w, index, exact)
+    ratio = w.history.bound[index] / np.maximum(exact, 1e-300)
     settled = ratio[len(ratio) // 4:]
     text.append("The largest residual taken for fault-free is on average "
                 f"{words.at_most(float(settled.mean()), 3)} times the exact one, at worst "
                 f"{words.at_most(float(settled.max()), 3)} times, the first quarter left out.")
     plots += _orders(design, w.history.t)
-    return (SetWords(" ".join(text), tuple(plots), others(design, w.history, w.exact, index)),)
+    return (SetWords(" ".join(text), tuple(plots), _others(design, w, index)),)
 
 
 def _about(design, w: Watched, stop: int) -> str:
@@ -188,7 +188,7 @@ def _about(design, w: Watched, stop: int) -> str:
 def _areas(design, w: Watched, index: Array) -> tuple[Plot, str]:
     shown = index[:SAMPLES]
     areas = {design.observer.family: w.history.areas(shown),
-             set_plots.EXACT: np.array([zonotope.area(w.exact[k]) for k in shown])}
+             set_plots.EXACT: exact_areas([w.exact[k] for k in shown])}
     settled = slice(len(shown) // 4, None)
     ratio = float(np.mean(areas[design.observer.family][settled] / areas[set_plots.EXACT][settled]))
     figure = set_plots.area_figure(shown * design.plant.sample_period, areas)
@@ -197,11 +197,11 @@ def _areas(design, w: Watched, index: Array) -> tuple[Plot, str]:
             f"Its area is on average {words.at_most(ratio, 3)} times the exact one.")
 
 
-def _thresholds(design, w: Watched, index: Array, hulls: Array) -> list[Plot]:
-    index, hulls, plots = index[:SAMPLES], hulls[:SAMPLES], []
+def _thresholds(design, w: Watched, index: Array, exact: Array) -> list[Plot]:
+    index, exact, plots = index[:SAMPLES], exact[:SAMPLES], []
     time = index * design.plant.sample_period
     for j, signal in enumerate(design.plant.y[:MOST_OUTPUTS]):
-        figure = set_plots.threshold_figure(time, hulls[:, j], {design.observer.family: w.history.bound[index, j]},
+        figure = set_plots.threshold_figure(time, exact[:, j], {design.observer.family: w.history.bound[index, j]},
                                             _named(signal))
         plots.append(Plot(inline(figure, f"setbound{j}", f"Threshold of output {signal.name} over time"), ""))
     last = ("Largest residual of each output that the firmware takes for fault-free, beside the exact one. "
@@ -225,3 +225,23 @@ def _orders(design, t: PointTables) -> list[Plot]:
     caption = (f"What more generators buy and cost, over many mode sequences; the firmware keeps {order} (the line)."
                + (f" With {words.listed(lost)} the set grows without bound." if lost else ""))
     return [Plot(inline(figure, "setorder", "Accuracy and cost against the order of the zonotope"), caption)]
+
+
+def _others(design, w: Watched, index: Array) -> tuple[Table, ...]:
+    """The same gains with other sets, as a table; nothing where the exact set is not known."""
+    found, plant = closeness(design.plant, w.history, w.exact, index), design.plant
+    if not found:
+        return ()
+    rows = []
+    for c in found:
+        figures = [words.at_most(c.mean, 3), words.at_most(c.worst, 3)] if np.isfinite(c.worst) else [
+            "grows without bound", words.NONE]
+        rows.append(Row((Cell(c.name or f"this firmware: {design.observer.family}"),
+                         *(Cell(text, "num") for text in figures)), "" if c.name else "chosen"))
+    where = f"{DIRECTIONS} directions" if plant.n_y == 2 else "each output"
+    notes = (f"Thresholds over those of the exact set, in {where}, along the modes of the scenario; the first quarter "
+             "is left out. The first row is the firmware, rounding included. The others are computed in double "
+             f"precision with its gains; the tables know that a mode lasts at least "
+             f"{words.count(least_dwell(plant), 'sample')}. What each finds and costs as firmware of its own: "
+             "residua compare.",)
+    return (table("The same gains with other sets", ("set", "#mean over exact", "#worst over exact"), rows, notes),)

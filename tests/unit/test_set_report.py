@@ -9,10 +9,10 @@ from helpers.points import VARIANTS, point_design, random_plant
 from helpers.reports import StandInDriver, outcomes_of, output_folder
 
 from codegen.algebra import zonotope
-from codegen.analysis import set_history
+from codegen.analysis import set_compare, set_history
 from codegen.analysis.detectability import surely_detected
 from codegen.plant.model import Fault, Scenario
-from codegen.report import plots, set_table, set_words
+from codegen.report import plots, set_words
 from codegen.report.page import write_report
 
 SHOWN = ("two outputs", "ellipsoid, one output", "four outputs", "table", "ellipsoid")
@@ -99,7 +99,7 @@ def test_the_page_shows_sets_in_words_and_pictures(shown, tmp_path, monkeypatch)
     assert ('aria-label="Area of' in text) == (n_y == 2)
     assert ('aria-label="Accuracy and cost' in text) == (design.observer.family == "zonotope")
     assert "nan" not in re.sub("<[^>]*>", " ", text).split() and "None" not in text
-    for name in set_table.SETS:
+    for name in set_compare.SETS:
         assert f"<td>{name}</td>" in text or f'<td class="">{name}</td>' in text
     assert ("outside: alarm" in text) == (n_y > 1)
 
@@ -121,8 +121,8 @@ def test_the_table_of_sets_orders_them(shown):
     """More columns are no worse, an interval is worst of what is carried, and nothing beats the exact set."""
     variant, design, outcomes = shown
     (w, _) = set_words.watched(design, "float32", outcomes)
-    (found,) = set_table.others(design, w.history, w.exact, np.arange(50))
-    mean = {row.cells[0].text: float(row.cells[1].text) for row in found.rows if row.cells[2].text != "–"}
-    assert all(x >= 0.999 for x in mean.values())
+    found = set_compare.closeness(design.plant, w.history, w.exact, np.arange(50))
+    mean = {c.name: c.mean for c in found}
+    assert all(x >= 0.999 for x in mean.values()) and found[0].name == "" and len(found) == len(set_compare.SETS) + 1
     assert mean["zonotope of order 20"] <= mean["zonotope of order 10"] + 0.02 <= mean["interval"] + 0.03
-    assert found.rows[0].kind == "chosen"
+    assert set_compare.closeness(design.plant, w.history, [w.exact[0], *[None] * 49], np.arange(50)) == []

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..algebra import ellipsoid, residual_sets, zonotope
-from ..analysis.set_blocks import block_table
-from ..analysis.set_history import SetHistory, noise_alone
-from ..analysis.set_tables import dwell_table
 from ..errors import DesignError
 from ..plant.model import Plant
-from . import words
-from .table import Cell, Row, Table, table
+from .set_blocks import block_table
+from .set_history import SetHistory, noise_alone
+from .set_tables import dwell_table
 
 Array = np.ndarray
 DIRECTIONS = 8  # of two residuals, in which sets are compared
@@ -36,12 +35,28 @@ SETS: dict[str, Callable] = {
 }
 
 
-def others(design, history: SetHistory, exact: list[Array | None], index: Array) -> tuple[Table, ...]:
-    """Compare the firmware's set and others with the exact one.
+@dataclass(frozen=True)
+class Closeness:
+    """How close a set comes to the exact one along a scenario: thresholds over its, infinite where it grows.
 
     Parameters
     ----------
-    design : Design
+    name : str
+        A key of ``SETS``; empty: the firmware's own set.
+    mean, worst : float
+    """
+
+    name: str
+    mean: float
+    worst: float
+
+
+def closeness(plant: Plant, history: SetHistory, exact: list[Array | None], index: Array) -> list[Closeness]:
+    """Compare the firmware's set, and others with the same gains, with the exact one; the first quarter is left out.
+
+    Parameters
+    ----------
+    plant : Plant
     history : SetHistory
     exact : list of (ndarray or None)
     index : ndarray (k,) int
@@ -49,33 +64,29 @@ def others(design, history: SetHistory, exact: list[Array | None], index: Array)
 
     Returns
     -------
-    tuple of Table
-        None where the exact set is not known from the first sample on.
+    list of Closeness
+        The firmware's first; empty where the exact set is not known from the first sample on.
     """
-    plant, m = design.plant, noise_alone(design.plant, history.t)
+    m = noise_alone(plant, history.t)
     stop = next((k for k in range(1, len(exact)) if exact[k] is None or history.fresh[k]), len(exact))
     index = index[index < stop]
     settled = index[len(index) // 4:]
     if m is None or len(settled) < 2:
-        return ()
+        return []
     D = zonotope.fan(DIRECTIONS) if plant.n_y == 2 else np.eye(plant.n_y)
     real = np.array([zonotope.support(exact[k], D) for k in settled])
     half = (np.asarray(plant.x0_hi, float) - np.asarray(plant.x0_lo, float)) / 2
     path, dwell = history.q[:stop].tolist(), least_dwell(plant)
     some = settled[np.unique(np.linspace(0, len(settled) - 1, SAMPLES).astype(int))]
     own = supports(history, some, D) / real[np.searchsorted(settled, some)]
-    rows = [Row(_cells(f"this firmware: {design.observer.family}", own), "chosen")]
+    out = [Closeness("", float(own.mean()), float(own.max()))]
     for name, find in SETS.items():
         try:
-            rows.append(Row(_cells(name, find(m, path, half, D, dwell)[settled] / real)))
+            ratio = find(m, path, half, D, dwell)[settled] / real
         except (DesignError, ValueError):
-            rows.append(Row((Cell(name), Cell("grows without bound", "num warn"), Cell(words.NONE, "num"))))
-    where = f"{DIRECTIONS} directions" if plant.n_y == 2 else "each output"
-    notes = (f"Thresholds over those of the exact set, in {where}, along the modes of the scenario; the first quarter "
-             "is left out. The first row is the firmware, rounding included. The others are computed in double "
-             f"precision with its gains; the tables know that a mode lasts at least {words.count(dwell, 'sample')}. "
-             "What each costs and finds as firmware of its own: residua compare.",)
-    return (table("The same gains with other sets", ("set", "#mean over exact", "#worst over exact"), rows, notes),)
+            ratio = np.full(1, np.inf)
+        out.append(Closeness(name, float(ratio.mean()), float(ratio.max())))
+    return out
 
 
 def supports(history: SetHistory, index: Array, D: Array) -> Array:
@@ -90,8 +101,3 @@ def least_dwell(plant: Plant) -> int:
     s = plant.switching
     declared = s.average_dwell is not None and s.chatter == 1
     return max(1, int(s.average_dwell / plant.sample_period + 1e-9)) if declared else 1
-
-
-def _cells(name: str, ratio: Array) -> tuple[Cell, ...]:
-    return (Cell(name), Cell(words.at_most(float(ratio.mean()), 3), "num"),
-            Cell(words.at_most(float(ratio.max()), 3), "num"))
