@@ -80,6 +80,11 @@ def moments(w: Watched) -> list[tuple[str, int]]:
     return [*chosen, ("while it lasts", int(later[-1]))] if len(later) else chosen
 
 
+def own(design) -> str:
+    """The firmware's set in a legend."""
+    return f"this firmware: {design.observer.family}"
+
+
 def pictures(design, w: Watched | None, name: str) -> tuple[Plot, ...]:
     """Draw the residual in its set at chosen samples; nothing for one output, whose set is the band of the other plot.
 
@@ -113,7 +118,7 @@ def pictures(design, w: Watched | None, name: str) -> tuple[Plot, ...]:
 
 def _snapshot(design, w: Watched, k: int, label: str, pair: tuple[int, int]) -> set_plots.Snapshot:
     history, n_y = w.history, w.history.bound.shape[1]
-    outlines = {design.observer.family: history.outlines(np.array([k]), pair)[0]}
+    outlines = {own(design): history.outlines(np.array([k]), pair)[0]}
     if n_y > 2:
         a, b = history.bound[k, list(pair)].astype(float)
         outlines["bound of each"] = np.array([[a, b], [-a, b], [-a, -b], [a, -b]])
@@ -187,10 +192,10 @@ def _about(design, w: Watched, stop: int) -> str:
 
 def _areas(design, w: Watched, index: Array) -> tuple[Plot, str]:
     shown = index[:SAMPLES]
-    areas = {design.observer.family: w.history.areas(shown),
+    areas = {own(design): w.history.areas(shown),
              set_plots.EXACT: exact_areas([w.exact[k] for k in shown])}
     settled = slice(len(shown) // 4, None)
-    ratio = float(np.mean(areas[design.observer.family][settled] / areas[set_plots.EXACT][settled]))
+    ratio = float(np.mean(areas[own(design)][settled] / areas[set_plots.EXACT][settled]))
     figure = set_plots.area_figure(shown * design.plant.sample_period, areas)
     return (Plot(inline(figure, "setarea", "Area of the residual set over time"),
                  "Area of the set of both residuals: the smaller, the smaller the faults that show."),
@@ -201,7 +206,7 @@ def _thresholds(design, w: Watched, index: Array, exact: Array) -> list[Plot]:
     index, exact, plots = index[:SAMPLES], exact[:SAMPLES], []
     time = index * design.plant.sample_period
     for j, signal in enumerate(design.plant.y[:MOST_OUTPUTS]):
-        figure = set_plots.threshold_figure(time, exact[:, j], {design.observer.family: w.history.bound[index, j]},
+        figure = set_plots.threshold_figure(time, exact[:, j], {own(design): w.history.bound[index, j]},
                                             _named(signal))
         plots.append(Plot(inline(figure, f"setbound{j}", f"Threshold of output {signal.name} over time"), ""))
     last = ("Largest residual of each output that the firmware takes for fault-free, beside the exact one. "
@@ -236,7 +241,7 @@ def _others(design, w: Watched, index: Array) -> tuple[Table, ...]:
     for c in found:
         figures = [words.at_most(c.mean, 3), words.at_most(c.worst, 3)] if np.isfinite(c.worst) else [
             "grows without bound", words.NONE]
-        rows.append(Row((Cell(c.name or f"this firmware: {design.observer.family}"),
+        rows.append(Row((Cell(c.name or own(design)),
                          *(Cell(text, "num") for text in figures)), "" if c.name else "chosen"))
     where = f"{DIRECTIONS} directions" if plant.n_y == 2 else "each output"
     notes = (f"Thresholds over those of the exact set, in {where}, along the modes of the scenario; the first quarter "

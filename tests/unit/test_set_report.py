@@ -15,12 +15,14 @@ from codegen.plant.model import Fault, Scenario
 from codegen.report import plots, set_words
 from codegen.report.page import write_report
 
-SHOWN = ("two outputs", "ellipsoid, one output", "four outputs", "table", "ellipsoid")
+SHOWN = ("two outputs", "ellipsoid, one output", "four outputs", "table", "ellipsoid", "box", "schedule")
 
 
 def scenes(plant):
     """Without a fault, and with one on the sensor."""
     mode = tuple((5 * i, i % plant.n_modes) for i in range(10))
+    if cycle := plant.switching.schedule:
+        mode = tuple((k, cycle[k % len(cycle)]) for k in range(50))
     quiet = Scenario("no fault", 50, mode, ("0.2",) * plant.n_u, "corner", "corner", (), "", "uniform")
     fault = replace(quiet, name="sensor", fault=(Fault(1, 30, 40, "0.5"),))
     return replace(plant, scenarios=(quiet, fault))
