@@ -155,7 +155,7 @@ def _snapshot(axis: Axes, snapshot: Snapshot, reach: Array) -> None:
     axis.plot(*drawn, linestyle="", color=colour, marker=marker, markersize=size)
     if times > 1.0 + 1e-9:
         side, above = ("right" if drawn[0] > 0 else "left"), ("top" if drawn[1] > 0 else "bottom")
-        axis.annotate(f"{times:.2g} times as far", drawn, (0, -7 if drawn[1] > 0 else 7), ha=side, va=above,
+        axis.annotate(f"{times:.2g} × further", drawn, (0, -7 if drawn[1] > 0 else 7), ha=side, va=above,
                       textcoords="offset points", fontsize=8.0)
     axis.set_title(snapshot.title)
 

@@ -6,11 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.points import VARIANTS, point_design, random_plant
-from helpers.reports import StandInDriver, outcomes_of, output_folder
+from helpers.reports import StandInDriver, outcomes_of, output_folder, small_design
 
 from codegen.algebra import zonotope
+from codegen.analysis import plots as drawn
 from codegen.analysis import set_compare, set_history
 from codegen.analysis.detectability import surely_detected
+from codegen.analysis.panels import joint_only
+from codegen.analysis.svg import text
+from codegen.compare import Compared
 from codegen.plant.model import Fault, Scenario
 from codegen.report import plots, set_words
 from codegen.report.page import write_report
@@ -93,17 +97,17 @@ def test_the_page_shows_sets_in_words_and_pictures(shown, tmp_path, monkeypatch)
     variant, design, outcomes = shown
     monkeypatch.setattr(plots, "states", lambda *_: ())  # they have tests of their own, and take their time
     monkeypatch.setattr(plots, "residuals", lambda *_: ())
-    text = write_report(output_folder(tmp_path, design), design, StandInDriver(design), outcomes).read_text()
+    page = write_report(output_folder(tmp_path, design), design, StandInDriver(design), outcomes).read_text()
     n_y = design.plant.n_y
-    assert "The residual set</h2>" in text and text.count('href="#sets"') == 1
-    assert text.count('aria-label="Residual set of') == {1: 0, 2: 2, 4: 6}[n_y]
-    assert text.count('aria-label="Threshold of output') == min(n_y, 3)
-    assert ('aria-label="Area of' in text) == (n_y == 2)
-    assert ('aria-label="Accuracy and cost' in text) == (design.observer.family == "zonotope")
-    assert "nan" not in re.sub("<[^>]*>", " ", text).split() and "None" not in text
+    assert "The residual set</h2>" in page and page.count('href="#sets"') == 1
+    assert page.count('aria-label="Residual set of') == {1: 0, 2: 2, 4: 6}[n_y]
+    assert page.count('aria-label="Threshold of output') == min(n_y, 3)
+    assert ('aria-label="Area of' in page) == (n_y == 2)
+    assert ('aria-label="Accuracy and cost' in page) == (design.observer.family == "zonotope")
+    assert "nan" not in re.sub("<[^>]*>", " ", page).split() and "None" not in page
     for name in set_compare.SETS:
-        assert f"<td>{name}</td>" in text or f'<td class="">{name}</td>' in text
-    assert ("outside: alarm" in text) == (n_y > 1)
+        assert f"<td>{name}</td>" in page or f'<td class="">{name}</td>' in page
+    assert ("outside: alarm" in page) == (n_y > 1)
 
 
 def test_the_samples_that_are_shown():
@@ -128,3 +132,30 @@ def test_the_table_of_sets_orders_them(shown):
     assert all(x >= 0.999 for x in mean.values()) and found[0].name == "" and len(found) == len(set_compare.SETS) + 1
     assert mean["zonotope of order 20"] <= mean["zonotope of order 10"] + 0.02 <= mean["interval"] + 0.03
     assert set_compare.closeness(design.plant, w.history, [w.exact[0], *[None] * 49], np.arange(50)) == []
+
+
+def test_an_alarm_that_no_output_raises_alone_has_a_row_of_its_own():
+    design = with_report("two outputs")
+    o = outcomes_of(design)[0]
+    for bits, wanted in ((4, True), (5, False), (0, False)):
+        raw = o.trace.raw_bits.copy()
+        raw[5] = bits
+        run = drawn.whole(design.plant, o.truth, replace(o.trace, raw_bits=raw))
+        assert joint_only(run).sum() == wanted
+        assert ("only jointly" in text(drawn.residual_figure(run))) == wanted
+    framed = small_design("cart")  # there the last bit means crossed framers
+    o = outcomes_of(framed)[0]
+    run = drawn.whole(framed.plant, o.truth, replace(o.trace, raw_bits=np.full_like(o.trace.raw_bits, 2)))
+    assert not joint_only(run).any()
+
+
+def test_other_methods_are_shown_where_they_were_compared(tmp_path):
+    design = with_report("two outputs")
+    rows = [Compared("zonotope: zonotope", "zonotope", {}, family="zonotope", label="given", chip="host", multiply=379,
+                     faults=[[None, 0.25], [0.5, 0.5]], dwell=0.0),
+            Compared("interval", "interval", {}, reason="no L will do")]
+    folder, driver = output_folder(tmp_path, design), StandInDriver(design)
+    with_them = write_report(folder, design, driver, [], (), rows).read_text()
+    assert "Other methods on this plant" in with_them and "No design: interval: no L will do" in with_them
+    assert '<tr class="chosen">' in with_them.split("Other methods on this plant")[1]
+    assert "Other methods on this plant" not in write_report(folder, design, driver, []).read_text()
