@@ -1,8 +1,8 @@
 """Tables of thresholds along a known schedule on the numbers of the C: rounding, proof from every start.
 
 The recursion is that of ``thresholds``. What the firmware looks up from the initial box on, and from any error at any
-phase on, is laid out along the samples as it will be and proved for ever (``schedule_bounds``); a mode that the schedule
-does not have has one row, which holds for any error.
+phase on, is laid out along the samples as it will be and proved for ever (``schedule_bounds``); a mode that is not in
+the schedule has one row, which holds for any error.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import CertificateError
 from .exact import product, rational, up
 from .schedule_bounds import prove_schedule
-from .thresholds import check_middle, claimed_rows, directions_of, emitted_rows, recursion, starts
+from .thresholds import check_middle, claimed_rows, directions_of, emitted_rows, recursion, starts, table_words
 
 Array = np.ndarray
 
@@ -102,6 +102,6 @@ def check(modes, t, cert: dict) -> list[str]:
             f"for any switching, rounding included ({t.real}, with or without fused multiply-add); a mode that is not "
             f"that of the schedule of {P} samples makes the thresholds start anew",
             "x_lo <= x <= x_hi at every sample while no fault acts, for any switching",
-            "the thresholds are a table and the estimate stays in a box: nothing can grow",
-            f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], while the modes follow the "
-            "schedule"]
+            table_words(z),
+            f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], while the modes follow "
+            "the schedule"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .cprint import initialiser, literal
+from .cprint import initialiser
 from .families import Member, Word
 from .maps import Names, Table
 from .parts import Operations, Size
@@ -44,7 +44,6 @@ class BlockView:
     reach: tuple[Table, ...]
     limit: tuple[Table, ...]
     by_table: tuple[Table, ...]
-    slack: str
     compares: int
 
 
@@ -95,7 +94,7 @@ def view(t, names: Names) -> BlockView:
         reach=(Table("factor", f"[{m}_MODES][{m}_LONGEST + 1U][{m}_REACHES][{m}_NX]", (), tuple(nested(z.rows))),
                Table("added", f"[{m}_ORIGINS][{m}_MODES][{m}_LONGEST + 1U][{m}_REACHES]", (), tuple(nested(z.scalars))),
                table("noise", z.noise, ("ORIGINS", "MODES", "REACHES"))),
-        limit=(limit_of(t, m), vector("wide", z.wide)), by_table=others_of(t, m), slack=literal(z.slack, real),
+        limit=(limit_of(t, m), vector("wide", z.wide)), by_table=others_of(t, m),
         compares=kept * columns - kept * (kept + 1) // 2)
 
 
@@ -106,7 +105,7 @@ def state(t, names: Names) -> tuple[list[Member], list[Word], int]:
     words += [("before", "", f"mode whose gain put noise into x_hat at the block's start; {m}_MODES: none is in"),
               ("origin", "", "the same of this sample")] * tnl
     words.append(("since", "", f"samples since the block's start, 0 to {t.shape.longest}"))
-    numbers = [(names.real_type, "generators", f"[{m}_NSHAPE]",
+    numbers = [(names.real_type, "shape", f"[{m}_NSHAPE]",
                 (f"of the set at the block's start, {m}_NX numbers each, one generator after the other",))]
     return numbers, words, t.shape.order * len(t.box)
 
@@ -117,8 +116,8 @@ def operations(t, views, n_u: int, n_y: int) -> Operations:
     residual, forward, blind = (np.array(v.operations) for v in views)
     multiply, add = (int(c) for c in residual + np.maximum(forward, blind))
     d, columns, kept, others = z.rows.shape[2], z.order + z.pushed.shape[4], z.order - n, len(z.directions) - n_y
-    multiply += d * n * z.order + n * n * z.order + 2 * n * columns + others * n_y + 1
+    multiply += d * n * z.order + n * n * z.order + 2 * n * columns + others * n_y
     add += d * (n * z.order + z.order + 1) + n * n * z.order + n * columns + n * (columns - kept) + n * z.order
-    add += others * (n_y + 1) + n_y + 2 * n
+    add += others * n_y + 2 * n
     compares = kept * columns - kept * (kept + 1) // 2 + n * (columns - kept) + d * z.order + n * z.order
     return Operations(multiply, add, compares + 2 * n_u + 4 * n_y + 7 * n + 2 * others)

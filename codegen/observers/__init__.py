@@ -20,7 +20,6 @@ FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": Zonoto
             "ellipsoid": EllipsoidObserver, "box": BoxObserver}
 
 __all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
-           "EllipsoidTables", "FramerTables", "IntervalObserver", "PointObserver", "PointTables", "PointTrace", "Runner",
-           "ScheduleObserver", "ScheduleTables", "Supervision",
-           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver",
-           "ZonotopeTables"]
+           "EllipsoidTables", "FramerTables", "IntervalObserver", "PointObserver", "PointTables", "PointTrace",
+           "Runner", "ScheduleObserver", "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver",
+           "Trace", "Variation", "ZonotopeObserver", "ZonotopeTables"]

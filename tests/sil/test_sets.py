@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from helpers.folders import write
-from helpers.points import VARIANTS, changed, point_design, random_plant
+from helpers.points import VARIANTS, changed, in_turn, point_design, random_plant
 from sil.test_equal import stimulus
 
 from codegen.algebra import zonotope
@@ -39,6 +39,7 @@ def test_c_equals_the_reference(variant, real, made, tmp_path):
     design = made(variant)
     t = design.observer.tables[real]
     u, y, q = stimulus(t, np.random.default_rng(len(variant)))
+    q = in_turn(design, q, 3)
     y[::2] = quiet_outputs(design, u[::2], q[::2], y[::2])
     reference = design.observer.run_many(u, y, q, real)
     assert isinstance(reference, PointTrace) and {0, 1, 3} <= set(np.unique(reference.status))
@@ -83,6 +84,16 @@ TABLE_CHANGES = [("< 3U)", "< 4U)"), ("s->stage++;", "s->stage = 1U;"), ("(PT_AN
                  ("return (s->since < PT_ROWS) ? s->since", "return (s->since < 1U) ? 0U")]
 
 
+SCHEDULE_CHANGES = [("cycle[at] != in->mode", "cycle[0] != in->mode"), ("s->since = PT_SETTLED;", "s->since++;"),
+                    ("s->phase_at = entry[in->mode]", "s->phase_at = entry[0]"), ("s->phase_at++;", ";"),
+                    ("* PT_MODES) + in->mode", "* PT_MODES) + 0U"), ("s->since++;", ";"),
+                    ("(PT_BEGIN * PT_MODES) + s->phase_at", "(PT_BEGIN * PT_MODES)")]
+BLOCK_CHANGES = [("box[i] = rounding[i]", "box[i] = 0.0F"),
+                 ("s->since >= PT_LONGEST", "s->since > PT_LONGEST"), ("(s->mode != s->block) ||", "(s->mode > 9U) ||"),
+                 ("s->before = s->origin;", ";"), ("s->block = s->mode;", "s->block = 0U;"),
+                 ("power[b][at][i][k]", "power[b][at][k][i]"), ("noise[now]", "noise[0]"),
+                 ("added[o][b][at][first", "added[0][b][at][first"),
+                 ("(radius[i] <= wide[i])", "(radius[i] <= 0.1F)"), ("(sum <= most[i])", "(sum <= 0.1F)")]
 BOX_CHANGES = [("next[i] = added[p][o][i]", "next[i] = added[p][0U][i]"), ("size[p][i][k]", "size[p][k][i]"),
                ("s->origin = p;", "s->origin = PT_MODES;"), ("noise[q][o][i]", "noise[q][0U][i]"),
                ("radius[i] = spread[o][i] + ", "radius[i] = "),
@@ -90,11 +101,13 @@ BOX_CHANGES = [("next[i] = added[p][o][i]", "next[i] = added[p][0U][i]"), ("size
 
 
 @pytest.mark.parametrize("variant,changes", [("gain on the new output", CHANGES), ("table", TABLE_CHANGES),
+                                             ("schedule", SCHEDULE_CHANGES), ("blocks", BLOCK_CHANGES),
                                              ("box", BOX_CHANGES)])
 def test_a_mutant_is_noticed(variant, changes, made, tmp_path):
     """A tie, a column, a margin, a transposition, a mode: the comparison above sees each."""
     design = made(variant)
     u, y, q = stimulus(design.observer.tables["float32"], np.random.default_rng(3), runs=40)
+    q = in_turn(design, q, 3)
     y[::2] = quiet_outputs(design, u[::2], q[::2], y[::2])
     reference = design.observer.run_many(u, y, q)
     folder = write(design, tmp_path / "c", layout="loop")
@@ -106,7 +119,7 @@ def test_a_mutant_is_noticed(variant, changes, made, tmp_path):
         assert build(folder).run_many(u, y, q).differs(reference), new
 
 
-def exact_run(plant, steps, rng):
+def exact_run(plant, steps, rng, q=None):
     """The plant in rational arithmetic under corner noise: exact x, and what the firmware reads, as float32."""
     def matrix(a):
         return [[Fraction(float(v)) for v in row] for row in a]
@@ -116,7 +129,7 @@ def exact_run(plant, steps, rng):
 
     modes = [{k: matrix(getattr(m, k)) for k in ("A", "B", "C", "D", "Bw", "Dv")} for m in plant.modes]
     x = [Fraction(float(v)) for v in np.where(rng.random(plant.n_x) < 0.5, plant.x0_lo, plant.x0_hi)]
-    q = rng.integers(0, plant.n_modes, steps)
+    q = rng.integers(0, plant.n_modes, steps) if q is None else q
     u = np.where(rng.random((steps, plant.n_u)) < 0.5, -0.3, 0.3)
     states, y = [], np.empty((steps, plant.n_y), dtype=np.float32)
     for k in range(steps):
@@ -217,6 +230,12 @@ def smaller_sets(design):
                 "carried": {"P": z.P * np.float32(0.2)}, "output": {"S": z.S * np.float32(0.5)}}
     if design.observer.family == "thresholds":
         return {"thresholds": {"h": z.h * np.float32(0.9)}}
+    if design.observer.family == "schedule":
+        share = np.ones((len(z.h), 1), dtype=np.float32)
+        share[-len(z.cycle):] = 0.9
+        return {"for ever": {"h": z.h * share}}
+    if design.observer.family == "blocks":
+        return {"scalars": {"scalars": z.scalars * np.float32(0.8)}, "added": {"pushed": z.pushed * 0}}
     out = {}
     for name in ("F", "V"):
         for j in range(getattr(z, name).shape[3]):
@@ -227,10 +246,11 @@ def smaller_sets(design):
 
 @pytest.mark.parametrize("kind,options", [
     ("luenberger", {"order": 12}), ("tnl", {"order": 12}), ("tnl", {"set": "ellipsoid"}),
-    ("tnl", {"set": "interval"}), ("tnl", {"tables": "dwell", "rows": 8, "stages": 5})])
+    ("tnl", {"set": "interval"}), ("tnl", {"tables": "dwell", "rows": 8, "stages": 5}),
+    ("tnl", {"tables": "schedule", "rows": 6}), ("tnl", {"tables": "arbitrary", "rows": 4, "order": 8})])
 def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
     """Corners aligned with the residual at one sample. A generator dropped from the tables, and it alarms falsely."""
-    design = point_design(random_plant(seed=9), kind, **options)
+    design = point_design(random_plant(seed=9, schedule=(0, 1, 1, 2, 0, 0)), kind, **options)
     plant = design.plant
     drivers = {"sound": build(write(design, tmp_path / "sound"))}
     for name, shape in smaller_sets(design).items():
@@ -238,6 +258,8 @@ def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
     runs, rng = [], np.random.default_rng(0)
     for angle in np.linspace(0, np.pi, 12, endpoint=False):
         q = rng.integers(0, plant.n_modes, 14)
+        if design.observer.family == "schedule":
+            q = np.resize(plant.switching.schedule, 14)
         w, v = worst_noise(plant, design.observer.tables["float64"], q, np.array([np.cos(angle), np.sin(angle)]))
         runs.append((driven(plant, q, w, v), q))
     y, q = (np.stack(a) for a in zip(*runs))
@@ -248,7 +270,7 @@ def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
 
 
 @pytest.mark.parametrize("variant", ["two outputs", "gain on the new output", "one mode", "table", "table of one mode",
-                                     "box", "box, one output"])
+                                     "schedule", "blocks", "box", "box, one output"])
 def test_surely_detected_faults_are_found(variant, made):
     """Modes as slow as the promise asks, hostile noise: a step of the promised size shows by the promised sample."""
     from codegen.analysis.detectability import surely_detected
@@ -263,6 +285,7 @@ def test_surely_detected_faults_are_found(variant, made):
                 continue
             for _ in range(8):
                 q = np.repeat(rng.integers(0, plant.n_modes, 10), 3)  # as the dwell time of the tables
+                q = np.resize(plant.switching.schedule, 30) if plant.switching.schedule else q
                 f = np.zeros((30, plant.n_f))
                 f[20:, j] = size * rng.choice([-1.0, 1.0])
                 y = noisy(plant, q, f, rng)

@@ -14,10 +14,12 @@ from codegen.observers import PointTables
 
 @pytest.fixture(scope="module")
 def designs():
-    """A zonotope and a table, both of a TNL observer."""
-    plant = random_plant(seed=1)
+    """A set of each kind, all of a TNL observer."""
+    plant = random_plant(seed=1, schedule=(0, 0, 1, 2, 2))
     return {"zonotope": point_design(plant, "tnl", order=6),
             "thresholds": point_design(plant, "tnl", tables="dwell", dwell=2, rows=4, stages=3),
+            "schedule": point_design(plant, "tnl", tables="schedule", rows=4),
+            "blocks": point_design(plant, "tnl", tables="arbitrary", rows=3, order=5),
             "ellipsoid": point_design(plant, "tnl", set="ellipsoid"),
             "box": point_design(plant, "tnl", set="interval")}
 
@@ -62,6 +64,38 @@ THRESHOLDS = {
     "width": lambda t, c: (t, c | {"steady_box": c["steady_box"] | {"width": [1e-9] * 3}}),
 }
 
+SCHEDULE = {
+    "the initial box": lambda t, c: (shape(t, h=some(t.shape.h, slice(0, 1), 0.99)), c),
+    "anew": lambda t, c: (shape(t, h=some(t.shape.h, slice(4, 5), 0.99)), c),
+    "anew, later": lambda t, c: (shape(t, h=some(t.shape.h, slice(13, 14), 0.99)), c),
+    "for ever": lambda t, c: (shape(t, h=some(t.shape.h, slice(-1, None), 0.99)), c),
+    "bounds of x": lambda t, c: (shape(t, hx=some(t.shape.hx, slice(-2, -1), 0.99)), c),
+    "another schedule": lambda t, c: (shape(t, cycle=(0, 0, 2, 1, 1)), c),
+    "a longer schedule": lambda t, c: (shape(t, cycle=(0, 0, 1, 2, 2, 2)), c),
+    "entry": lambda t, c: (shape(t, entry=(2, 2, 3)), c),
+    "rows": lambda t, c: (shape(t, rows=3), c),
+    "direction": lambda t, c: (shape(t, directions=-t.shape.directions[::-1]), c),
+    "L": lambda t, c: (replace(t, L=smaller(t.L, 0.99)), c),
+    "box": lambda t, c: (replace(t, box=t.box * np.float32(1.5)), c),
+    "width": lambda t, c: (t, c | {"steady_box": c["steady_box"] | {"width": [1e-9] * 3}}),
+}
+BLOCKS = {name: lambda t, c, name=name: (shape(t, **{name: smaller(getattr(t.shape, name), 0.999)}), c)
+          for name in ("rows", "scalars", "noise", "powers", "pushed", "start", "anywhere")} | {
+    "limit": lambda t, c: (shape(t, most=t.shape.most * np.float32(1.5)), c),
+    "limit below the first errors": lambda t, c: (shape(t, most=smaller(t.shape.most, 0.5)), c),
+    "e": lambda t, c: (shape(t, e=smaller(t.shape.e, 0.9)), c),
+    "a column left out": lambda t, c: (shape(t, pushed=t.shape.pushed[..., 1:]), c),
+    "a shorter block": lambda t, c: (shape(t, powers=t.shape.powers[:, 1:]), c),
+    "order": lambda t, c: (shape(t, order=3), c),
+    "more generators": lambda t, c: (shape(t, order=50), c),
+    "direction": lambda t, c: (shape(t, directions=-t.shape.directions[::-1]), c),
+    "wide": lambda t, c: (shape(t, wide=t.shape.wide * np.float32(1e3)), c),
+    "C": lambda t, c: (replace(t, C=t.C * np.array([1, 1, 2], np.float32)[:, None, None]), c),
+    "L": lambda t, c: (replace(t, L=smaller(t.L, 0.999)), c),
+    "box": lambda t, c: (replace(t, box=t.box * np.float32(1.5)), c),
+    "width": lambda t, c: (t, c | {"steady_box": c["steady_box"] | {"width": [1e-9] * 3}}),
+    "hull": lambda t, c: (t, c | {"steady_box": c["steady_box"] | {"half": [1e-9] * 3}}),
+}
 
 ELLIPSOID = {
     "noise of a step": lambda t, c: (shape(t, H=smaller(t.shape.H, 0.9999)), c),
@@ -110,6 +144,13 @@ def shape(t: PointTables, **changes) -> PointTables:
     return replace(t, shape=replace(t.shape, **changes))
 
 
+def some(h, which, share):
+    """Some rows of a list smaller."""
+    out = h.copy()
+    out[which] = smaller(out[which], share)
+    return out
+
+
 def rows(h, which):
     """Some rows of the table smaller."""
     out = h.copy()
@@ -118,7 +159,7 @@ def rows(h, which):
 
 
 @pytest.mark.parametrize("real", ["float32", "float64"])
-@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid", "box"])
+@pytest.mark.parametrize("family", ["zonotope", "thresholds", "schedule", "blocks", "ellipsoid", "box"])
 def test_what_holds_is_accepted(family, real, designs):
     design = designs[family]
     claims = set_claims.check(design.plant.modes, design.observer.tables[real], design.certificate[real])
@@ -133,6 +174,16 @@ def test_a_zonotope_tampered_with_is_refused(what, designs):
 @pytest.mark.parametrize("what", THRESHOLDS)
 def test_a_table_tampered_with_is_refused(what, designs):
     check(designs["thresholds"], THRESHOLDS[what])
+
+
+@pytest.mark.parametrize("what", SCHEDULE)
+def test_a_list_tampered_with_is_refused(what, designs):
+    check(designs["schedule"], SCHEDULE[what])
+
+
+@pytest.mark.parametrize("what", BLOCKS)
+def test_blocks_tampered_with_are_refused(what, designs):
+    check(designs["blocks"], BLOCKS[what])
 
 
 @pytest.mark.parametrize("what", ELLIPSOID)
@@ -161,7 +212,7 @@ def test_a_gain_on_the_new_output_asks_for_a_plain_output(change, designs):
         set_claims.check(modes, design.observer.tables["float32"], design.certificate["float32"])
 
 
-@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid", "box"])
+@pytest.mark.parametrize("family", ["zonotope", "thresholds", "schedule", "blocks", "ellipsoid", "box"])
 def test_design_json_keeps_every_number(family, designs, tmp_path):
     """Tables and family come back as they were written."""
     from helpers.points import TOML
