@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..certify import residual_gain, thresholds
+from ..certify import residual_gain, schedules, thresholds
+from ..certify.blocks import NAMES, BlockDemands
+from ..certify.boxes import BoxDemands
 from ..certify.ellipsoids import ROOM, EllipsoidDemands
 from ..certify.exact import Q, rational
 from ..certify.rounding import TINY, UNIT
@@ -81,7 +83,8 @@ def ellipsoid(modes, t, cert: dict) -> dict[str, list[Margin]]:
     u, tiny, n_y = UNIT[t.real], TINY[t.real], t.C.shape[1]
     roots = [tightest(f"tangents {a}, {b} above the square root, as 4 a b - (1 + 4u)^2", [
         (4 * Q(x) * (Q(y) - 4 * tiny) - (1 + 4 * u) ** 2, f"{list(map(int, i))}")
-        for (i, x), y in zip(np.ndenumerate(getattr(z, a)), getattr(z, b).ravel())]) for a, b in (("a", "b"), ("ay", "by"))]
+        for (i, x), y in zip(np.ndenumerate(getattr(z, a)), getattr(z, b).ravel())])
+        for a, b in (("a", "b"), ("ay", "by"))]
     own = 4 * u * (rational(t.box) + 2 * rational(t.limit)) + 8 * tiny
     spread = entrywise("spread beyond the noise in the estimate and rounding", z.spread,
                        demands.of.carried() * (1 + 4 * u) + own)
@@ -101,15 +104,73 @@ def table(modes, t, cert: dict) -> dict[str, list[Margin]]:
         rows += [(Q(x), f"{part}, {where}") for x, where in room.thresholds]
         boxes += [(Q(x), f"{part}, {where}") for x, where in room.boxes]
     last = np.max(rational(t.shape.hx[[t.shape.anew - 1, -1]]).reshape(-1, len(t.box)), axis=0)
-    middle = abs(rational(t.x_lo) + rational(t.x_hi)) / 2
     return {"alarm": [tightest("threshold beyond the support of all that can be", rows)] + (
                 [tightest("box of a stage beyond what may leave the one before", boxes)] if boxes else []),
-            "state": [], "bounded": [entrywise("box beyond the middle of the declared range", t.box, middle, True)],
+            "state": [], "bounded": [_middle(t)],
             "ultimate": [entrywise("width beyond twice the last half widths",
                                    rational(np.array(cert["steady_box"]["width"])), 2 * last)]}
 
 
-HELD = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": table}
+def interval(modes, t, cert: dict) -> dict[str, list[Margin]]:
+    """Of a box: sizes and sums of a step and of the residual, what is kept for ever."""
+    z, demands = t.shape, BoxDemands(modes, t)
+    least = demands.least()
+
+    def beyond(name: str, what: str) -> Margin:
+        return entrywise(f"{name} beyond {what}", getattr(z, name), least[name])
+
+    out = {"alarm": [beyond("P", "|M| and the rounding of its sums"), beyond("g", "what a step adds"),
+                     beyond("S", "|C| and the rounding of its sums"), beyond("rho", "the noise in the residual")],
+           "state": [beyond("Pb", "|A| and the rounding of its sums"), beyond("gb", "what a blind step adds"),
+                     beyond("spread", "the noise in the estimate and rounding")], "bounded": reach(t)}
+    if cert.get("steady_box"):
+        half, stay, shrink = rational(np.array(cert["steady_box"]["half"])), [], []
+        for q, mode in enumerate(modes):
+            for i, (new, carried) in enumerate(zip(*demands.onward(half, q))):
+                stay.append((half[i] - new, f'state {i}, mode "{mode.name}"'))
+                shrink.append((half[i] - carried, f'state {i}, mode "{mode.name}"'))
+        width = rational(np.array(cert["steady_box"]["width"]))
+        out["ultimate"] = [tightest("box beyond itself one step later", stay),
+                           tightest("box beyond what M makes of it", shrink, strict=True),
+                           entrywise("width beyond twice box and spread", width, demands.width(half))]
+    return out
+
+
+def schedule(modes, t, cert: dict) -> dict[str, list[Margin]]:
+    """Of a table along a schedule: the least room over the supports, from every start."""
+    known: dict = {}
+    schedules.check(modes, t, cert, known)
+    last = np.max(rational(t.shape.hx[-len(t.shape.cycle):]), axis=0)
+    return {"alarm": [tightest("threshold beyond the support of all that can be", [
+        (Q(x), f"sample {k} of all starts") for k, x in enumerate(known["room"])])], "state": [], "bounded": [
+            _middle(t)], "ultimate": [entrywise("width beyond twice the last half widths", rational(
+                np.array(cert["steady_box"]["width"])), 2 * last)]}
+
+
+def blocks(modes, t, cert: dict) -> dict[str, list[Margin]]:
+    """Of a set carried from block to block: scalars, noise, box, slack; where it starts."""
+    z, demands = t.shape, BlockDemands(modes, t, t.shape)
+    out = {"alarm": [entrywise(f"{name} beyond its demand", getattr(z, name), np.asarray(getattr(demands, name)(),
+                                                                                        dtype=object))
+                     for name in NAMES], "state": [], "bounded": [_middle(t)]}
+    for half, name in zip(thresholds.starts(t), ("start", "anywhere")):
+        held = rational(getattr(z, name))
+        out["bounded"] += [entrywise(f"{name} beyond the first errors", held, rational(np.diag(half))),
+                           entrywise(f"limit of the row sums beyond {name}", rational(z.most), held)]
+    if cert.get("steady_box"):
+        settled = demands.settled(np.array(cert["steady_box"]["half"]))[len(z.directions):]
+        out["ultimate"] = [entrywise("width beyond twice the bounds of x",
+                                     rational(np.array(cert["steady_box"]["width"])), 2 * settled)]
+    return out
+
+
+def _middle(t) -> Margin:
+    return entrywise("box beyond the middle of the declared range", t.box, abs(rational(t.x_lo) + rational(t.x_hi)) / 2,
+                     True)
+
+
+HELD = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": table, "box": interval, "schedule": schedule,
+        "blocks": blocks}
 
 
 def level(modes, t, cert: dict) -> list[Margin]:
@@ -159,7 +220,7 @@ def starts(limits: dict, t, runner) -> list[Margin]:
             runner.reset(t, np.ones(1, dtype=bool))
         centre, whole = rational(runner.x_hat[0]), runner.set[0]
         half = np.maximum(rational(getattr(t, name + "_hi")) - centre, centre - rational(getattr(t, name + "_lo")))
-        if whole.dtype != t.dtype:  # a table: its first rows are proved for the box
+        if whole.dtype != t.dtype or hasattr(t.shape, "anywhere"):  # proved with the rows, for these boxes
             continue
         if hasattr(t.shape, "kb"):
             square = [Q(x) for x in np.diagonal(whole)]

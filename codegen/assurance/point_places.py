@@ -63,6 +63,8 @@ def read_sets(source: Source, design, d, t, read_apart: set[str], found) -> None
         for node in walk(definition.body):
             if isinstance(node, c_ast.Decl) and isinstance(node.init, c_ast.InitList) and "static" in node.storage:
                 inside |= {id(n) for n in walk(node)}
+                if not any(isinstance(n, c_ast.Constant) and n.type in ("float", "double") for n in walk(node)):
+                    continue  # of whole numbers: compared with the tree above
                 order = {k: known[k] for k in sorted(known, key=lambda k: (k != node.name, k in seen))}
                 seen |= _match(source, function, node, order, modes, d.real, found)
         for c in () if function in starts else _numbers(definition.body, d.real, inside):
@@ -172,7 +174,7 @@ def _match(source: Source, function: str, node: Node, known: dict, modes: list[s
 
 
 #: Fields whose first axis is the mode: the document gives them mode by mode.
-MODE_FIRST = {*"MACVH", "F", "Fb", "Hb", "rho", "k", "kb", "kr"}
+MODE_FIRST = {*"MACVHPS", "F", "Fb", "Hb", "rho", "k", "kb", "kr", "Pb", "gb", "powers", "rows"}
 
 
 def _orders(value: Array) -> Iterator[Array]:
@@ -181,8 +183,10 @@ def _orders(value: Array) -> Iterator[Array]:
     yield at.ravel()
     if value.ndim == 2 and len(value) > value.shape[1]:
         yield at[value.shape[1]:].ravel()  # the first directions are the outputs themselves
-    if value.ndim == 4:
-        yield at.swapaxes(2, 3).ravel()
+    if value.ndim >= 4:
+        yield at.swapaxes(-2, -1).ravel()
+        yield at.swapaxes(0, 1).ravel()  # mode by mode, in each the origins
+        yield at.swapaxes(0, 1).swapaxes(-2, -1).ravel()
 
 
 def _read_starts(source: Source, prefix: str, known: dict, found) -> None:

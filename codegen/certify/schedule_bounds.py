@@ -30,7 +30,8 @@ def prove_schedule(m: ErrorRecursion, H0: Array, lead: Sequence[int], cycle: Seq
     claim : ScheduleTable
         Any object with its fields: directions, h and period.
     known : dict, optional
-        What earlier calls with the same recursion and directions have computed of laps; filled.
+        What earlier calls with the same recursion and directions have computed of laps; filled. Under "room" by how
+        much the thresholds of each sample are beyond what they must be, rounded down.
 
     Raises
     ------
@@ -64,6 +65,7 @@ def prove_schedule(m: ErrorRecursion, H0: Array, lead: Sequence[int], cycle: Seq
             stay, added = known[modes]
             need = np.maximum(need, stay.ever(Generators.of(np.concatenate([H, np.diag(box)], axis=1)), [added], 0))
         need = (need + noise) * WIDER
+        known.setdefault("room", []).append(float(np.nextafter(np.min(claim.h[k] - need), -np.inf)))
         if not np.all(need <= claim.h[k]):
             d = int(np.argmax(~(need <= claim.h[k])))
             raise CertificateError(f"tables: sample {k}, direction {d}: threshold {claim.h[k][d]:.9g} (found), "

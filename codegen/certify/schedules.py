@@ -51,8 +51,10 @@ def certificate(t, proof: dict) -> dict:
                                                        "lo": half.tolist()}}
 
 
-def check(modes, t, cert: dict) -> list[str]:
+def check(modes, t, cert: dict, known: dict | None = None) -> list[str]:
     """Re-check the certificate of a table along a schedule; return what is proved, one sentence per claim.
+
+    ``known`` is filled with what ``prove_schedule`` leaves there, its room among others.
 
     Raises
     ------
@@ -70,7 +72,7 @@ def check(modes, t, cert: dict) -> list[str]:
                                    "another.")
     directions = directions_of(t, z.directions.astype(float))
     first, anywhere = starts(t)
-    length, known = P * (-(-J // P) + 1), {}
+    length, known = P * (-(-J // P) + 1), {} if known is None else known
 
     def prove(what: str, H0: Array, phase: int, rows: list[int]) -> None:
         claim = SimpleNamespace(directions=directions, h=h[rows], period=P)

@@ -60,9 +60,7 @@ def files(design, real: str | None = None, layout: str | None = None, measure: b
 
 
 def _proofs(design, d: DesignView) -> dict[str, str]:
-    """Print what Frama-C and Gappa read; nothing for point observers, whose error sets neither can follow."""
-    if d.sets:
-        return {}
+    """Print what Frama-C and Gappa read."""
     return {f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d)),
             f"rounding_{d.prefix}.g": render("harness/rounding.g.jinja", d=d, g=rounding(design, d))}
 
