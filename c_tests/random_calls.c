@@ -53,24 +53,9 @@ static void any_inputs(T(in) *in)
     }
 }
 
+#if !CASE_POINT
 static void any_box(T(real) *lo, T(real) *hi, const T(real) *least, const T(real) *most)
 {
-#if CASE_POINT
-    T(state) whole;
-    const uint32_t share = draw(12U);
-
-    T(reset)(&whole);
-    for (uint32_t i = 0U; i < M(NX); i++)
-    {
-        s->x_hat[i] = between(x_lo[i], x_hi[i]) * ((draw(8U) == 0U) ? 1024 : 1);
-    }
-    for (uint32_t i = 0U; i < M(NSHAPE); i++)
-    {
-        const T(real) size = whole.shape[i % (M(NX) * M(NX))] / (T(real))(1U << share);
-
-        s->shape[i] = between(-size, size);
-    }
-#else
     for (uint32_t i = 0U; i < M(NX); i++)
     {
         /* Wide, narrow or a point, so that sums of every size meet their offsets. */
@@ -94,12 +79,43 @@ static void any_box(T(real) *lo, T(real) *hi, const T(real) *least, const T(real
             /* as they are */
         }
     }
-#endif
 }
+#endif
 
 static void any_framers(T(state) *s)
 {
+#if CASE_POINT
+    T(state) whole;
+    const uint32_t share = draw(12U);
+
+    T(reset)(&whole);
+    for (uint32_t i = 0U; i < M(NX); i++)
+    {
+        s->x_hat[i] = between(x_lo[i], x_hi[i]) * ((draw(8U) == 0U) ? 1024 : 1);
+    }
+#if CASE_HAS_SHAPE
+    for (uint32_t i = 0U; i < M(NSHAPE); i++)
+    {
+        const T(real) size = whole.shape[i % (M(NX) * M(NX))] / (T(real))(1U << share);
+
+        s->shape[i] = between(-size, size);
+    }
+#else
+    (void)share;
+#endif
+#if CASE_N_COUNTS > 0
+    {
+        uint32_t *counts[] = CASE_COUNTS(s);
+
+        for (uint32_t i = 0U; i < CASE_N_COUNTS; i++)
+        {
+            *counts[i] = draw(24U); /* beyond the tables, too */
+        }
+    }
+#endif
+#else
     any_box(s->x_lo, s->x_hi, x_lo, x_hi);
+#endif
 #if CASE_HAS_Z
     any_box(s->z_lo, s->z_hi, z_lo, z_hi);
 #endif

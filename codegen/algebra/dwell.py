@@ -62,6 +62,31 @@ def admissible(modes: tuple[int, ...], tau: float, chatter: float) -> bool:
     return True
 
 
+def fewest_samples(switching, period: float, proof: dict) -> int:
+    """Samples that every mode lasts at least, where the plant file or a proof says so.
+
+    Parameters
+    ----------
+    switching : Switching
+        Of the plant; an average dwell time with a chatter bound of 1 is the shortest time as well.
+    period : float
+        Sample period, s.
+    proof : dict
+        Of gains, or a certificate.
+
+    Returns
+    -------
+    samples : int
+        1: any sequence.
+    """
+    found = 1
+    if switching.average_dwell is not None and switching.chatter == 1:
+        found = max(1, int(switching.average_dwell / period + 1e-9))
+    if proof.get("rho", 1.0) > 1 and proof.get("chatter", 1) == 1:
+        found = max(found, math.ceil(proof["dwell_add"] / proof["dwell_drain"]))
+    return found
+
+
 def patterns(modes: int, dwell: int, steps: int) -> list[tuple[int, ...]]:
     """List mode sequences that a dwell time admits: modes that stay, pairs and rounds at several paces, random ones.
 

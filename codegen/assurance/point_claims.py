@@ -26,15 +26,25 @@ WORDS = {
                    "rounding allows j samples after mode q was entered, from the box of the stage; boxes hold what may "
                    "leave the stage before", "the same with the unit vectors of x for d_i, rounding of x_hat -+ width "
                    "included"),
-    "schedule": ("h[row, i] >= support in direction d_i of every residual that the error recursion with rounding allows "
-                 "at this sample of the schedule, from the initial box and from any error at any phase, for ever",
-                 "the same with the unit vectors of x for d_i, rounding of x_hat -+ width included"),
+    "schedule": ("h[row, i] >= support in direction d_i of every residual that the error recursion with rounding "
+                 "allows at the sample that reads the row: from the initial box, and from every error at every phase "
+                 "of the schedule", "the same with the unit vectors of x for d_i, rounding of x_hat -+ width included"),
+    "blocks": ("|D_j H|_1 + scalars + noise >= support of every residual j samples after the block's start; [P_j H, "
+               "G_j] and the box e hold the error at its end; e and scalars hold what rounded tables and sums lack "
+               "where the row sums of |H| are below the limit", "the same with the unit vectors of x; first errors "
+               "<= box <= limit"),
     "box": ("b+ = P b + g with P >= |M| / (1 - (n + 1) u), g >= |F| 1 + rest; |r| <= S b + rho, S and rho alike of C",
             "spread >= |N_o Dv| v_half + rounding of x_hat -+ b; Pb and gb as P and g, of A"),
-    "blocks": ("h_i = |D_j,i H|_1 + c_j,i + v_i with scalars c, noise v that hold what j samples add, what rounded rows "
-               "lack, and the rounding of the sums, for any H with row sums below the limit; e alike for the next H",
-               "the same with the unit vectors of x for d_i"),
 }
+#: Beginning of the sentence on what cannot grow, of the kinds where it is not the half widths.
+BOUNDED = {"thresholds": "the thresholds are a table", "schedule": "the thresholds are a table",
+           "blocks": "the row sums"}
+#: Words and formula of the ultimate width, of the kinds where no box of the hull is kept by M at every sample.
+ULTIMATE = {"thresholds": ("The last stages of the table hold for ever.",
+                           "width >= 2 max of the last stages' half widths"),
+            "schedule": ("The rows of the schedule hold for ever.", "width >= 2 max of their half widths"),
+            "blocks": ("A box that the hull of the set enters and does not leave at the end of a block.",
+                       "|P_j| b + |G_j| 1 + e + rounding <= b, |P_j| b < b for every block")}
 
 
 def of_certificate(design, t, cert: dict, modes, build: type, plant: tuple,
@@ -81,22 +91,15 @@ def of_certificate(design, t, cert: dict, modes, build: type, plant: tuple,
     yield "x_lo <= x <= x_hi", claim(
         "containment", "The bounds of x are the estimate and the hull of its error's set, rounding of both included.",
         state, [*held["alarm"], *held["state"]], checks=run)
-    yield ("the thresholds are a table", "the half widths", "the row sums"), claim(
+    yield BOUNDED.get(kind, "the half widths"), claim(
         "bounded", "Sets and estimate stay within the sizes that all rounding margins rest on.",
         "|x_hat| <= box (it is cut there), box >= |x| + limit; a half width beyond its limit, or an estimate beyond "
         "the box, starts the set again from the declared range, which the limit holds", held["bounded"],
         code=_code(set_freeze._check_reach), checks=(*own, "prove"))
-    if kind == "blocks":
-        yield "the set is carried on", claim(
-            "blocks", "Within a block the set is exact in the chosen directions; at its end it is carried on.",
-            "H+ = l columns of [A^j H, G_j] where a block ends, j <= J", held["alarm"])
     if cert.get("steady_box"):
-        table = kind in ("thresholds", "schedule")
-        yield "Ultimate width", claim(
-            "ultimate-width", "The last rows of the table hold for ever." if table else
+        yield "Ultimate width", claim("ultimate-width", *ULTIMATE.get(kind, (
             "A box that the hull of the error's set enters and does not leave.",
-            "width >= 2 max of the last half widths" if table else
-            "|M_q| b + |F_q| 1 + rounding <= b, |M_q| b < b in every mode (or block)", held["ultimate"])
+            "|M_q| b + |F_q| 1 + |M_q| e + rounding <= b, |M_q| b < b in every mode")), held["ultimate"])
     if cert["kind"] != "none":
         margins, gains = point_margins.level(modes, t, cert), _code(check_gains)
         published = "Zammali (2020), (6.19), (6.43), bounds corrected"

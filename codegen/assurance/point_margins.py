@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..certify import residual_gain, schedules, thresholds
-from ..certify.blocks import NAMES, BlockDemands
+from ..certify.blocks import BlockDemands, first_room
 from ..certify.boxes import BoxDemands
 from ..certify.ellipsoids import ROOM, EllipsoidDemands
 from ..certify.exact import Q, rational
@@ -136,41 +136,39 @@ def interval(modes, t, cert: dict) -> dict[str, list[Margin]]:
     return out
 
 
-def schedule(modes, t, cert: dict) -> dict[str, list[Margin]]:
-    """Of a table along a schedule: the least room over the supports, from every start."""
-    known: dict = {}
-    schedules.check(modes, t, cert, known)
-    last = np.max(rational(t.shape.hx[-len(t.shape.cycle):]), axis=0)
-    return {"alarm": [tightest("threshold beyond the support of all that can be", [
-        (Q(x), f"sample {k} of all starts") for k, x in enumerate(known["room"])])], "state": [], "bounded": [
-            _middle(t)], "ultimate": [entrywise("width beyond twice the last half widths", rational(
-                np.array(cert["steady_box"]["width"])), 2 * last)]}
-
-
-def blocks(modes, t, cert: dict) -> dict[str, list[Margin]]:
-    """Of a set carried from block to block: scalars, noise, box, slack; where it starts."""
-    z, demands = t.shape, BlockDemands(modes, t, t.shape)
-    out = {"alarm": [entrywise(f"{name} beyond its demand", getattr(z, name), np.asarray(getattr(demands, name)(),
-                                                                                        dtype=object))
-                     for name in NAMES], "state": [], "bounded": [_middle(t)]}
-    for half, name in zip(thresholds.starts(t), ("start", "anywhere")):
-        held = rational(getattr(z, name))
-        out["bounded"] += [entrywise(f"{name} beyond the first errors", held, rational(np.diag(half))),
-                           entrywise(f"limit of the row sums beyond {name}", rational(z.most), held)]
-    if cert.get("steady_box"):
-        settled = demands.settled(np.array(cert["steady_box"]["half"]))[len(z.directions):]
-        out["ultimate"] = [entrywise("width beyond twice the bounds of x",
-                                     rational(np.array(cert["steady_box"]["width"])), 2 * settled)]
-    return out
-
-
 def _middle(t) -> Margin:
     return entrywise("box beyond the middle of the declared range", t.box, abs(rational(t.x_lo) + rational(t.x_hi)) / 2,
                      True)
 
 
-HELD = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": table, "box": interval, "schedule": schedule,
-        "blocks": blocks}
+def turn(modes, t, cert: dict) -> dict[str, list[Margin]]:
+    """Of a list along a schedule: the least room over the supports, from every start."""
+    last = np.max(rational(t.shape.hx[-len(t.shape.cycle):]), axis=0)
+    rows = [(Q(room), f"from {start}") for start, room in schedules.proved(modes, t).items()]
+    return {"alarm": [tightest("threshold beyond the support of all that can be", rows)], "state": [],
+            "bounded": [_middle(t)],
+            "ultimate": [entrywise("width beyond twice the half widths of the rows that repeat",
+                                   rational(np.array(cert["steady_box"]["width"])), 2 * last)]}
+
+
+def carried(modes, t, cert: dict) -> dict[str, list[Margin]]:
+    """Of a set carried from block to block: what scalars, noise and box have beyond their demands, the first boxes."""
+    z, demands = t.shape, BlockDemands(modes, t, t.shape)
+    out = {"alarm": [entrywise(f"{name} beyond what noise, rounded tables and sums add", getattr(z, name),
+                               getattr(demands, name)()) for name in ("scalars", "noise", "e")],
+           "state": [tightest(f"{name}: box beyond the first errors, and within the limit",
+                              [(x, f"state {i}") for i, x in enumerate(left)]) for name, left in first_room(t).items()],
+           "bounded": [_middle(t)]}
+    if cert.get("steady_box"):
+        half, width = (np.array(cert["steady_box"][k]) for k in ("half", "width"))
+        out["ultimate"] = [tightest("box beyond the hull after a block", [(x, f"state {i}") for i, x in enumerate(
+            demands.left(half))]), entrywise("width beyond twice the bounds that no set exceeds", rational(width),
+                                             2 * demands.settled(half)[len(z.directions):])]
+    return out
+
+
+HELD = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": table, "schedule": turn, "blocks": carried,
+        "box": interval}
 
 
 def level(modes, t, cert: dict) -> list[Margin]:
@@ -220,7 +218,7 @@ def starts(limits: dict, t, runner) -> list[Margin]:
             runner.reset(t, np.ones(1, dtype=bool))
         centre, whole = rational(runner.x_hat[0]), runner.set[0]
         half = np.maximum(rational(getattr(t, name + "_hi")) - centre, centre - rational(getattr(t, name + "_lo")))
-        if whole.dtype != t.dtype or hasattr(t.shape, "anywhere"):  # proved with the rows, for these boxes
+        if whole.dtype != t.dtype or hasattr(t.shape, "anywhere"):  # a table: its first rows are proved for the box
             continue
         if hasattr(t.shape, "kb"):
             square = [Q(x) for x in np.diagonal(whole)]

@@ -97,15 +97,20 @@ class BlockDemands:
 
     def steady(self, half: Array) -> bool:
         """Whether the row sums of |H| enter and keep half widths (n_x,) at the end of every block."""
-        half, z = rational(half), self.z
+        return bool(np.all(self.left(half) >= 0))
+
+    def left(self, half: Array) -> Array:
+        """What half widths (n_x,) have beyond the row sums at the end of any block; below 0 where they are not kept."""
+        half, z, least = rational(half), self.z, None
         for q, j in np.ndindex(*z.powers.shape[:2]):
             power = abs(rational(z.powers[q, j]))
             kept = product(power, column(half)).ravel()
             push = max_of(abs(rational(z.pushed[:, q, j])).sum(axis=2))
             rest = rational(z.e) + self._along(z.powers[q, j], self.count)
-            if np.any(kept >= half) or np.any((kept + push + rest) * (1 + 4 * (self.count + 8) * self.u) > half):
-                return False
-        return True
+            here = half - (kept + push + rest) * (1 + 4 * (self.count + 8) * self.u)
+            here = np.where(kept < half, here, Q(-1))
+            least = here if least is None else np.minimum(least, here)
+        return least
 
     def settled(self, half: Array) -> Array:
         """Bounds in all directions (d,) that no block exceeds whose H has row sums below half widths (n_x,)."""
@@ -186,6 +191,15 @@ def certificate(modes, t, proof: dict) -> dict:
     return {**proof, "set": "blocks", "steady_box": steady}
 
 
+def first_room(t) -> dict[str, Array]:
+    """What the boxes of the first errors have beyond these, and the limit beyond the boxes; exact, not negative."""
+    out = {}
+    for half, name in zip(starts(t), ("start", "anywhere")):
+        held = rational(getattr(t.shape, name))
+        out[name] = np.minimum(held - rational(np.diag(half)), rational(t.shape.most) - held)
+    return out
+
+
 def check(modes, t, cert: dict) -> list[str]:
     """Re-check the certificate of tables of blocks; return what is proved, one sentence per claim.
 
@@ -213,18 +227,17 @@ def check(modes, t, cert: dict) -> list[str]:
             where = np.unravel_index(np.argmax([float(x) for x in lack.ravel()]), lack.shape)
             raise CertificateError(f"certificate: {name}{[int(i) for i in where]} of the blocks is too small by "
                                    f"{float(lack[where]):.3g}: the set could lose a residual without fault.")
-    for half, name in zip(starts(t), ("start", "anywhere")):
-        held = rational(getattr(z, name))
-        if np.any(rational(np.diag(half)) > held) or np.any(held > rational(z.most)):
+    for name, left in first_room(t).items():
+        if np.any(left < 0):
             raise CertificateError(f"certificate: {name} does not hold the first errors, or is beyond the limit.")
     check_middle(t)
     claims = ["the residual lies in its set at every sample while no fault acts, so there is no false alarm, for any "
               f"switching, rounding included ({t.real}, with or without fused multiply-add)",
               "x_lo <= x <= x_hi at every sample while no fault acts, for any switching",
               f"the row sums of the {z.order} generators stay below [{', '.join(f'{x:.4g}' for x in z.most)}]: a set "
-              "that would grow beyond starts again from every error that is possible; the estimate stays in a box",
-              f"the set is carried on at a switch or every {J - 1} samples; its tables are {z.words} numbers, "
-              f"{z.words * z.rows.itemsize} bytes of flash"]
+              "that would grow beyond starts again from every error that is possible; the estimate stays in a box; the "
+              f"set is carried on at a switch or every {J - 1} samples by tables of {z.words} numbers "
+              f"({z.words * z.rows.itemsize} bytes of flash)"]
     if cert.get("steady_box"):
         half, width = np.array(cert["steady_box"]["half"]), np.array(cert["steady_box"]["width"])
         if not demands.steady(half) or np.any(rational(width) < 2 * demands.settled(half)[len(z.directions):]):

@@ -25,7 +25,7 @@ def check(e, cert, ranges, box0):
         for q, A in enumerate(magnitudes(row) for row in matrix):
             rest = e.residual_rest(q) if kind == "V" else e.rest(q, kind == "F")
             for i, (row, given) in enumerate(zip(A, z[name][q], strict=True)):
-                demand(all(p * keep >= a for a, p in zip(row, given, strict=True)), f"{name}[{q}][{i}] below the matrix")
+                demand(all(p * keep >= a for a, p in zip(row, given, strict=True)), f"{name}[{q}][{i}] too small")
             for o in range(len(e.gains)):
                 columns = e.direct(q, o) if kind == "V" else e.step(q, o, kind == "F")
                 for i, (c, r, g) in enumerate(zip(columns, rest, z[added][q][o], strict=True)):

@@ -1,8 +1,8 @@
-"""A table of thresholds along a known schedule, checked again; see ``independent_sets.py`` and ``independent_table.py``.
+"""Thresholds along a known schedule, checked again; see ``independent_sets.py`` and ``independent_table.py``.
 
 From the initial box at phase 0, and from any error at any phase, the modes are those of the cycle; any other mode
-starts anew. So the support in direction a at phase p, k samples after a start, is |a_k H0| + |a_(k-1) W_first| + the sum
-of |a_i W| over i < k - 1, with a_i the row a taken back through i steps of the cycle: the same rows for all starts.
+starts anew. So the support in direction a at phase p, k samples after a start, is |a_k H0| + |a_(k-1) W_first| + the
+sum of |a_i W| over i < k - 1, with a_i the row a taken back through i steps of the cycle: the same rows for all starts.
 """
 
 import sys

@@ -215,7 +215,7 @@ def room(e, h, hx):
 
 
 def starts(e, ranges, box0):
-    """Half widths of the first errors: of the initial box, and of all that are possible; checks boxes and directions."""
+    """Half widths of the first errors: of the initial box, and of all that are possible; checks the boxes too."""
     t, m, kind = e.t, e.m, "f" if e.real == "float32" else "d"
     demand(exact(t["shape"]["directions"])[:m] == [[F(i == j) for j in range(m)] for i in range(m)],
            "the first directions are the residuals")

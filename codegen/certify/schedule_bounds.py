@@ -19,7 +19,7 @@ LAPS = 3
 
 
 def prove_schedule(m: ErrorRecursion, H0: Array, lead: Sequence[int], cycle: Sequence[int], claim,
-                   known: dict | None = None) -> None:
+                   known: dict | None = None) -> float:
     """Prove a table, or say at which sample it does not hold.
 
     Parameters
@@ -33,8 +33,12 @@ def prove_schedule(m: ErrorRecursion, H0: Array, lead: Sequence[int], cycle: Seq
     claim : ScheduleTable
         Any object with its fields: directions, h and period.
     known : dict, optional
-        What earlier calls with the same recursion and directions have computed of laps; filled. Under "room" by how
-        much the thresholds of each sample are beyond what they must be, rounded down.
+        What earlier calls with the same recursion and directions have computed of laps; filled.
+
+    Returns
+    -------
+    room : float
+        Least that a threshold has beyond what it must be.
 
     Raises
     ------
@@ -50,6 +54,7 @@ def prove_schedule(m: ErrorRecursion, H0: Array, lead: Sequence[int], cycle: Seq
                                f"{len(lead)} and at least two laps of {P}.")
     D, A, C = rational(claim.directions), [rational(x) for x in m.A], [rational(x) for x in m.C]
     H, known = np.asarray(H0, dtype=float), {} if known is None else known
+    room = np.inf
     n, box = len(H), np.zeros(len(H))  # H in doubles, and what their rounding has left out so far
     for k in range(len(claim.h)):
         before, q = (path[k - 1] if k else m.start), path[k]
@@ -68,14 +73,15 @@ def prove_schedule(m: ErrorRecursion, H0: Array, lead: Sequence[int], cycle: Seq
             stay, added = known[modes]
             need = np.maximum(need, stay.ever(Generators.of(np.concatenate([H, np.diag(box)], axis=1)), [added], 0))
         need = (need + noise) * WIDER
-        known.setdefault("room", []).append(float(np.nextafter(np.min(claim.h[k] - need), -np.inf)))
         if not np.all(need <= claim.h[k]):
             d = int(np.argmax(~(need <= claim.h[k])))
             raise CertificateError(f"tables: sample {k}, direction {d}: threshold {claim.h[k][d]:.9g} (found), "
                                    f"expected at least {need[d]:.9g}.")
+        room = min(room, float(np.min(claim.h[k] - need)))
         slip = (n + 1) * UNIT * (np.abs(m.A[q]) @ np.abs(H)).sum(axis=1) * WIDER + H.shape[1] * TINY
         box = (np.abs(m.A[q]) @ box + slip) * WIDER
         H = np.concatenate([m.A[q] @ H, m.W[before, q]], axis=1)
+    return room
 
 
 def _lap(m: ErrorRecursion, A: list[Array], path: Sequence[int]) -> tuple[Array, Array]:

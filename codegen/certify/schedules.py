@@ -51,10 +51,8 @@ def certificate(t, proof: dict) -> dict:
                                                        "lo": half.tolist()}}
 
 
-def check(modes, t, cert: dict, known: dict | None = None) -> list[str]:
-    """Re-check the certificate of a table along a schedule; return what is proved, one sentence per claim.
-
-    ``known`` is filled with what ``prove_schedule`` leaves there, its room among others.
+def proved(modes, t) -> dict[str, float]:
+    """Prove the rows from every start; return the least room of each.
 
     Raises
     ------
@@ -72,13 +70,13 @@ def check(modes, t, cert: dict, known: dict | None = None) -> list[str]:
                                    "another.")
     directions = directions_of(t, z.directions.astype(float))
     first, anywhere = starts(t)
-    length, known = P * (-(-J // P) + 1), {} if known is None else known
+    length, known, out = P * (-(-J // P) + 1), {}, {}
 
     def prove(what: str, H0: Array, phase: int, rows: list[int]) -> None:
         claim = SimpleNamespace(directions=directions, h=h[rows], period=P)
         cycle = [*z.cycle[phase:], *z.cycle[:phase]]
         try:
-            prove_schedule(m, H0, (), cycle, claim, known)
+            out[what] = prove_schedule(m, H0, (), cycle, claim, known)
         except CertificateError as error:
             raise CertificateError(f"certificate: from {what}: {error}") from None
 
@@ -94,8 +92,22 @@ def check(modes, t, cert: dict, known: dict | None = None) -> list[str]:
     for q in range(N):
         row_of = product(product(D, rational(m.C[q])), rational(anywhere))
         need = abs(row_of).sum(axis=1) + abs(product(D, rational(m.V[m.start, q]))).sum(axis=1)
-        if np.any([up(x) for x in need] > h[J + q]):
+        out[f"mode {q} out of turn"] = room = float(np.min(h[J + q] - np.array([up(x) for x in need])))
+        if room < 0:
             raise CertificateError(f"certificate: mode {q} out of turn: the thresholds of any error are too small.")
+    return out
+
+
+def check(modes, t, cert: dict) -> list[str]:
+    """Re-check the certificate of a table along a schedule; return what is proved, one sentence per claim.
+
+    Raises
+    ------
+    CertificateError
+        Naming start, sample and direction.
+    """
+    z, P = t.shape, len(t.shape.cycle)
+    proved(modes, t)
     check_middle(t)
     width = np.array(cert["steady_box"]["width"])
     if np.any(rational(width) < 2 * np.max(rational(z.hx[-P:]), axis=0)):

@@ -19,7 +19,7 @@ Array = np.ndarray
 class BlockView:
     """Sizes and tables of each function, statements where modes or origins differ.
 
-    ``block``, ``before`` and ``origin`` are expressions of the block's mode, of the origin of the estimate at its start
+    ``last`` finds the mode of the last sample where there are several; ``block``, ``before`` and ``origin`` are expressions of the block's mode, of the origin of the estimate at its start
     and of that at this sample; ``started`` and ``forget`` keep or clear them, ``ends`` is when a block does;
     ``others`` has an entry where there are directions beside the outputs.
     """
@@ -29,6 +29,7 @@ class BlockView:
     block: str
     before: str
     origin: str
+    last: tuple[str, ...]
     begun: tuple[str, ...]
     started: tuple[str, ...]
     forget: tuple[str, ...]
@@ -82,11 +83,12 @@ def view(t, names: Names) -> BlockView:
         block=f"(s->block < {m}_MODES) ? s->block : 0U" if several else "0U",
         before=f"(s->before < {m}_ORIGINS) ? s->before : 0U" if tnl else "0U",
         origin=f"(s->origin < {m}_ORIGINS) ? s->origin : 0U" if tnl else "0U",
-        begun=("s->before = s->origin;",) * tnl, started=("s->block = s->mode;",) * several,
+        begun=("s->before = s->origin;",) * tnl, started=("s->block = p;",) * several,
         forget=("s->block = 0U;",) * several + (f"s->before = {m}_MODES;", f"s->origin = {m}_MODES;") * tnl,
         anew=(f"s->before = {m}_MODES;",) * tnl,
-        moved=("s->origin = (s->mode < " + f"{m}_MODES) ? s->mode : 0U;" if several else "s->origin = 0U;",) * tnl,
-        ends=(f"(s->mode != s->block) || (s->since >= {m}_LONGEST)" if several else f"s->since >= {m}_LONGEST"),
+        last=(f"const uint32_t p = (s->mode < {m}_MODES) ? s->mode : 0U;",) * several,
+        moved=("s->origin = p;" if several else "s->origin = 0U;",) * tnl,
+        ends=(f"(p != s->block) || (s->since >= {m}_LONGEST)" if several else f"s->since >= {m}_LONGEST"),
         start=vector("half", z.start), anywhere=vector("half", z.anywhere), weight=vector("weight", z.weight),
         rounding=vector("rounding", z.e), most=vector("most", z.most),
         powers=(table("power", z.powers, ("MODES", "LONGEST", "NX", "NX")),

@@ -109,7 +109,7 @@ def schedule(t, members: dict[str, str]) -> Ranges:
 def blocks(t, members: dict[str, str]) -> Ranges:
     """Each number of a generator is at most what the sum of its row may be."""
     most, words = np.tile(t.shape.most, t.shape.order), {"since": t.shape.longest, "block": len(t.A) - 1}
-    return Ranges({"generators": (-most, most)}, words | dict.fromkeys(("origin", "before"), t.origins - 1),
+    return Ranges({"shape": (-most, most)}, words | dict.fromkeys(("origin", "before"), t.origins - 1),
                   ("The generators' sum of magnitudes in a row has been compared with its limit when a call ends,",
                    "which keeps each number of a generator there. From there Eva shows that all stays finite."))
 

@@ -101,6 +101,11 @@ class BlockObserver(ThresholdObserver):
     family = "blocks"
     shape_class = BlockTables
 
+    @classmethod
+    def initial(cls, x0_lo, x0_hi, shape: tuple[int, int], record: dict, dtype) -> list[Array | None]:
+        """Nothing, of estimate and set: see ``start``."""
+        return super().initial(x0_lo, x0_hi, shape, record, dtype) * 2
+
     def whole(self, t: PointTables, half: Array, first: bool = False) -> Array:
         """The initial box, or every error that is possible."""
         z = t.shape

@@ -256,7 +256,9 @@ static void zammali_dwell_whole_range(zammali_dwell_state *s)
  */
 static void zammali_dwell_set_forward(zammali_dwell_state *s, const zammali_dwell_in *in)
 {
-    if (in->mode != s->mode)
+    const uint32_t p = (s->mode < ZAMMALI_DWELL_MODES) ? s->mode : 0U;
+
+    if (in->mode != p)
     {
         if ((s->since + 1U) < 6U)
         {

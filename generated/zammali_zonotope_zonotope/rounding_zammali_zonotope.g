@@ -8,7 +8,7 @@
 # This file is yours: no licence, no warranty.
 #
 # For Gappa (residua prove). Each row of the affine maps is stated twice in the same words, once with every
-# operation rounded and once exact. What they may differ by is the margin: what the error's set is given
+# operation rounded and once exact. What they may differ by is the margin: what the set of errors gets
 # for the rounding of this sum, in every step. All layouts calculate these sums: a
 # product with zero, which straight code leaves out and a loop adds, changes no number.
 # Rounding to nearest with gradual underflow, without fused multiply-add. Hexadecimal numbers are exact.

@@ -130,10 +130,13 @@ def test_margins_refuse_what_does_not_hold(folder):
             claims(relaxed(design, real, name, factor, of_set), real)
 
 
-@pytest.mark.parametrize("folder", [f for f in POINTS if f.exists()], ids=lambda f: f.name)
+@pytest.mark.parametrize("folder", POINTS, ids=lambda f: f.name)
 def test_a_false_level_is_refused(folder):
-    design = read_checked(folder)
+    design = read_checked(at(folder))
     cert = design.certificate["float32"]
+    if cert["kind"] == "none":
+        assert not any(c.id in ("hinf", "linf") for c in claims(design, "float32"))
+        return
     for change, words in (({"level": 0.99 * cert["level"]}, "claimed level"),
                           ({"g": 0.5 * cert["g"]}, "pivot of the matrix")):
         with pytest.raises(CertificateError, match=words):

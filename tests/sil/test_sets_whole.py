@@ -14,12 +14,18 @@ from codegen.plant.load import loads
 from codegen.select import choose
 
 TABLE = MADE["thresholds"]
+TURN = TOML.replace('method = "zonotope"', 'method = "zonotope"\ntables = "schedule"').replace(
+    "[switching]", '[switching]\nschedule = { every = 3, order = ["one", "two", "three"] }').replace(
+    'mode = { every = 4, order = ["two", "one"] }', 'mode = { every = 3, order = ["one", "two", "three"] }')
+BLOCKS = TOML.replace('method = "zonotope"', 'method = "zonotope"\ntables = "arbitrary"')
 BOX = TOML.replace('method = "zonotope"', 'method = "zonotope"\nset = "interval"')
+TRACE = TOML.replace('method = "zonotope"', 'method = "ellipsoid"\nweights = "trace"')
 ROUND = TOML.replace('method = "zonotope"', 'method = "ellipsoid"')
 
 
 @pytest.mark.parametrize("text,family", [(TOML, "zonotope"), (TABLE, "thresholds"), (ROUND, "ellipsoid"),
-                                         (BOX, "box")])
+                                         (BOX, "box"), (TURN, "schedule"), (BLOCKS, "blocks"),
+                                         (TRACE, "ellipsoid_trace")])
 def test_plant_file_to_validated_firmware(text, family, tmp_path):
     path = tmp_path / "pt.toml"
     path.write_text(text)
@@ -28,7 +34,7 @@ def test_plant_file_to_validated_firmware(text, family, tmp_path):
     sensor = next(o for o in result.outcomes if o.scenario.name == "sensor")
     assert [e.delay for e in sensor.episodes] == [0]
     promised = result.design.detection["float32"][0]["by_delay"][0]
-    assert promised is None if family == "ellipsoid" else promised < 2
+    assert promised < 2
     kept = {p.name for p in (tmp_path / "out").iterdir()}
     assert {"pt.c", "pt.h", "test_pt.c", "design.json", "resources.json", "report.html", "prove_pt.c", "rounding_pt.g",
             "assurance.json"} <= kept
