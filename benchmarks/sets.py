@@ -2,7 +2,8 @@
 
 The plant of Zammali (2020), 6.3.5, whose modes last five samples and come in turn. Every method of residua is designed,
 certified, printed and measured; a point observer with every set and every table that there is. Rows are the walk of
-``codegen.compare``: a new set is a row by itself.
+``codegen.compare``: a new set is a row by itself. (Gains of method "zonotope" are placed for faults on the state, of
+which this plant has none: they are left out.)
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ RESULTS, TABLE = HERE / "sets.csv", HERE / "SETS.md"
 
 PLANT, DWELL = "zammali_ellipsoid", 5
 ORDERS = (5, 10, 20)
+STATE_FAULTS = "zonotope"
 #: Samples before the first onset, onsets, and samples in which a fault is to be found "eventually".
 BEFORE, ONSETS, WITHIN = 20, 15, 15
 #: Size of the fault whose response is taken: far below any set, so that nothing alarms and starts anew.
@@ -48,7 +50,8 @@ def plant() -> Plant:
 
 def chosen(quick: bool) -> list[Variant]:
     """Return the rows: all that take the plant, or the cheapest set of each kind of one method."""
-    able = [v for v in variants(ORDERS) if METHODS[v.method].module.inapplicable(plant()) is None]
+    able = [v for v in variants(ORDERS) if METHODS[v.method].module.inapplicable(plant()) is None
+            and v.method != STATE_FAULTS]
     return [v for v in able if v.method == "ellipsoid" and v.options.get("order", 5) == 5] if quick else able
 
 

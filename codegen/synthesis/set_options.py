@@ -60,5 +60,6 @@ def readers(options: dict, family: str) -> dict[str, tuple[bool, str]]:
     return {"set": (tables == "none", 'tables = "none"'),
             "order": (tables == "arbitrary" or (tables == "none" and kind == "zonotope"), 'set = "zonotope"'),
             "weights": (tables == "none" and kind == "ellipsoid", 'set = "ellipsoid"'),
+            "membership": (tables == "none" and kind == "zonotope", 'set = "zonotope"'),
             "rows": (tables != "none", 'tables other than "none"'), "stages": (tables == "dwell", 'tables = "dwell"'),
             "directions": (tables != "none", 'tables other than "none"')}
