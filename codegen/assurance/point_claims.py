@@ -36,11 +36,19 @@ WORDS = {
     "box": ("b+ = P b + g with P >= |M| / (1 - (n + 1) u), g >= |F| 1 + rest; |r| <= S b + rho, S and rho alike of C",
             "spread >= |N_o Dv| v_half + rounding of x_hat -+ b; Pb and gb as P and g, of A"),
 }
+WORDS["ellipsoid_trace"] = (
+    "(1 + 1/a) (M X M' + k trace(X) I) + (1 + a) H with H > Q, Q = sum t sum f f'/t over disturbance, noise and the "
+    "box of rounding, for every a > 0; (r' R^-1 r <= 1) with slack and floor for the rounding of the test",
+    "(z / c + c) / 2 >= sqrt(z) for every c > 0, scale >= (1 + 8u) / sqrt(W); spread >= |N_o Dv| v_half + rounding of "
+    "x_hat -+ radius")
 #: Beginning of the sentence on what cannot grow, of the kinds where it is not the half widths.
 BOUNDED = {"thresholds": "the thresholds are a table", "schedule": "the thresholds are a table",
            "blocks": "the row sums"}
 #: Words and formula of the ultimate width, of the kinds where no box of the hull is kept by M at every sample.
-ULTIMATE = {"thresholds": ("The last stages of the table hold for ever.",
+ULTIMATE = {"ellipsoid_trace": ("The weighted trace shrinks in every mode and comes below a bound.",
+                                "M' W M < theta W, ((1 + 1/60) (theta + 3 sum W k) T)^1/2 + ((1 + 1/60) tr W H)^1/2 "
+                                "<= T^1/2, width >= 2 (T / W_i)^1/2 and spread"),
+            "thresholds": ("The last stages of the table hold for ever.",
                            "width >= 2 max of the last stages' half widths"),
             "schedule": ("The rows of the schedule hold for ever.", "width >= 2 max of their half widths"),
             "blocks": ("A box that the hull of the set enters and does not leave at the end of a block.",

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..certify import residual_gain, schedules, thresholds
+from ..certify import residual_gain, schedules, thresholds, trace_ellipsoids
 from ..certify.blocks import BlockDemands, first_room
 from ..certify.boxes import BoxDemands
 from ..certify.ellipsoids import ROOM, EllipsoidDemands
-from ..certify.exact import Q, rational
+from ..certify.exact import Q, inverse, product, rational
 from ..certify.rounding import TINY, UNIT
 from ..certify.sets import SetDemands, ZonotopeDemands, column
 from .margins import Margin, _pivots, tightest
@@ -97,6 +97,44 @@ def ellipsoid(modes, t, cert: dict) -> dict[str, list[Margin]]:
             "bounded": reach(t, np.sqrt(len(t.box)))}
 
 
+def least_trace(modes, t, cert: dict) -> dict[str, list[Margin]]:
+    """Of an ellipsoid of least trace: shapes of noise, rounding, scales of the roots, the trace that it comes below."""
+    z, demands, room = t.shape, EllipsoidDemands(modes, t), ROOM[t.real]
+    pivots: dict[str, list] = {"alarm": [], "state": []}
+    rounded = []
+    for noise, name, _, matrix, k in trace_ellipsoids.FORMS:
+        for q, (mode, A) in enumerate(zip(modes, getattr(demands.of, matrix))):
+            where = f'{name}, mode "{mode.name}"'
+            rounded += [(Q(a) - b, f"{where}, row {i}") for i, (a, b) in enumerate(zip(
+                getattr(z, k)[q], trace_ellipsoids.rounding(demands, A, z.weight)))]
+            for o in range(len(demands.of.gain)):
+                S = rational(getattr(z, name)[q, o])
+                lack = S - demands.noise(noise, q, o)
+                for i in range(len(S)):
+                    lack[i, i] = lack[i, i] - room * S[i, i] - trace_ellipsoids.small(demands, A)
+                pivots["alarm" if name != "Hb" else "state"] += [
+                    (p, f"{where}, noise of origin {o}, row {i}") for i, p in enumerate(_pivots(lack))]
+    u, tiny, n_y = UNIT[t.real], TINY[t.real], t.C.shape[1]
+    scales = [entrywise(f"{name} beyond one over the root of its weight, and rounding", getattr(z, name),
+                        np.array(trace_ellipsoids._scale(weight, t.real), dtype=object))
+              for name, weight in (("scale", z.weight), ("scale_y", z.weight_y))]
+    what = "smallest pivot of shape minus noise, room and small"
+    out = {"alarm": [tightest(what, pivots["alarm"], strict=True),
+                     tightest("rounding factor k beyond its demand", rounded), scales[1],
+                     Margin("slack of the membership test", Q(z.slack) - 64 * n_y * u),
+                     Margin("floor of the membership test", Q(z.floor) - 4096 * n_y**3 * tiny)],
+           "state": [tightest(what, pivots["state"], strict=True), scales[0],
+                     entrywise("spread beyond the noise in the estimate and rounding", z.spread,
+                               trace_ellipsoids._spread(demands))], "bounded": reach(t, np.sqrt(len(t.box)))}
+    if cert.get("steady_box"):
+        half = np.array(cert["steady_box"]["half"])
+        out["ultimate"] = [entrywise("width beyond that of the trace", rational(np.array(cert["steady_box"]["width"])),
+                                     trace_ellipsoids._width(t, half)),
+                           entrywise("square of a half width times its weight beyond the trace",
+                                     rational(z.weight) * rational(half) ** 2, np.full(len(half), Q(cert["trace"])))]
+    return out
+
+
 def table(modes, t, cert: dict) -> dict[str, list[Margin]]:
     """Of a table of thresholds: the least room over the supports, and of the boxes of its stages."""
     rows, boxes = [], []
@@ -114,7 +152,7 @@ def table(modes, t, cert: dict) -> dict[str, list[Margin]]:
 def interval(modes, t, cert: dict) -> dict[str, list[Margin]]:
     """Of a box: sizes and sums of a step and of the residual, what is kept for ever."""
     z, demands = t.shape, BoxDemands(modes, t)
-    least = demands.least()
+    least = demands.least(z.T)
 
     def beyond(name: str, what: str) -> Margin:
         return entrywise(f"{name} beyond {what}", getattr(z, name), least[name])
@@ -122,7 +160,11 @@ def interval(modes, t, cert: dict) -> dict[str, list[Margin]]:
     out = {"alarm": [beyond("P", "|M| and the rounding of its sums"), beyond("g", "what a step adds"),
                      beyond("S", "|C| and the rounding of its sums"), beyond("rho", "the noise in the residual")],
            "state": [beyond("Pb", "|A| and the rounding of its sums"), beyond("gb", "what a blind step adds"),
-                     beyond("spread", "the noise in the estimate and rounding")], "bounded": reach(t)}
+                     beyond("spread", "the noise in the estimate and rounding"),
+                     *[beyond(name, f"{what} and the rounding of its sums") for name, what in
+                       (("R", "|T|"), ("Z", "|T^-1|")) * z.turned]],
+           "bounded": reach(t) + [entrywise("limit beyond the declared range in these coordinates", t.limit,
+                                            demands.start())] * z.turned}
     if cert.get("steady_box"):
         half, stay, shrink = rational(np.array(cert["steady_box"]["half"])), [], []
         for q, mode in enumerate(modes):
@@ -168,7 +210,8 @@ def carried(modes, t, cert: dict) -> dict[str, list[Margin]]:
 
 
 HELD = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": table, "schedule": turn, "blocks": carried,
-        "box": interval}
+        "box": interval,
+        "ellipsoid_trace": least_trace}
 
 
 def level(modes, t, cert: dict) -> list[Margin]:
@@ -220,6 +263,8 @@ def starts(limits: dict, t, runner) -> list[Margin]:
         half = np.maximum(rational(getattr(t, name + "_hi")) - centre, centre - rational(getattr(t, name + "_lo")))
         if whole.dtype != t.dtype or hasattr(t.shape, "anywhere"):  # a table: its first rows are proved for the box
             continue
+        if getattr(t.shape, "turned", False):
+            half = product(abs(inverse(rational(t.shape.T))), column(half)).ravel()
         if hasattr(t.shape, "kb"):
             square = [Q(x) for x in np.diagonal(whole)]
             left = 1 - sum((h * h / s for h, s in zip(half, square) if h), Q(0))

@@ -63,6 +63,9 @@ def check_start(centre, table, t, name):
         kind = "f" if real == "float32" else "d"
         means = [struct.pack(kind, lo / 2 + hi / 2) for lo, hi in zip(t[name + "_lo"], t[name + "_hi"])]
         demand(middle == [F(struct.unpack(kind, mean)[0]) for mean in means], f"middle of the box {name}")
+    if "Z" in t["shape"]:  # a box in other coordinates
+        back = __import__("independent_box").inverse([[F(x) for x in row] for row in t["shape"]["T"]])
+        half = [sum(abs(a) * h for a, h in zip(row, half)) for row in back]
     for body in re.findall(TABLE, table, re.S):
         found = numbers(body, real)
         if "kb" in t["shape"]:

@@ -218,8 +218,8 @@ def check(modes, t, cert: dict) -> list[str]:
     if cert.get("steady_box"):
         _check_steady(t, cert, [m.name for m in modes])
         width = cert["steady_box"]["width"]
-        claims.append("the ellipsoid's weighted trace shrinks in every mode: ultimate width of each state at most "
-                      f"[{', '.join(f'{x:.4g}' for x in width)}], for arbitrary switching")
+        claims.append(f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], for arbitrary "
+                      "switching: the ellipsoid's weighted trace shrinks in every mode")
     return claims
 
 

@@ -86,7 +86,16 @@ def ellipsoid(t, members: dict[str, str]) -> Ranges:
     z = t.shape
     limit, slope, offset = (np.asarray(a, dtype=float) for a in (t.limit, z.a, z.b))
     square = np.max(np.maximum(limit * (1 + 1e-6) - offset, 0) / slope, axis=0) * (1 + 1e-6)
-    root = np.sqrt(square)
+    return _shapes(t, np.sqrt(square))
+
+
+def ellipsoid_trace(t, members: dict[str, str]) -> Ranges:
+    """The same; a root is no smaller than that of its number."""
+    return _shapes(t, np.asarray(t.limit, dtype=float) * (1 + 1e-6))
+
+
+def _shapes(t, root: Array) -> Ranges:
+    """Of a shape whose diagonal has these roots at most."""
     most = (root[:, None] * root * (1 + 1e-6)).astype(t.dtype)
     least = -most
     np.fill_diagonal(least, 0.0)
@@ -119,4 +128,4 @@ def _origin(t) -> dict:
 
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
-          "blocks": blocks}
+          "blocks": blocks, "ellipsoid_trace": ellipsoid_trace}

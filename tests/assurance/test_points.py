@@ -112,6 +112,8 @@ MARGINS = {
     "box": (("P", 0.999, "no-alarm: P beyond"), ("g", 0.999, "no-alarm: g beyond"), ("S", 0.999, "no-alarm: S beyond"),
             ("rho", 0.999, "no-alarm: rho beyond"), ("Pb", 0.999, "containment: Pb"), ("gb", 0.999, "containment: gb"),
             ("spread", 0.99, "containment: spread")),
+    "blocks": (("scalars", 0.99, "no-alarm: scalars"), ("noise", 0.99, "no-alarm: noise"), ("e", 0.5, "no-alarm: e "),
+               ("anywhere", 0.9, "anywhere")),
     "schedule": (("h", 0.99, "threshold"), ("hx", 0.99, "threshold"), ("hx", 1.01, "ultimate|repeat")),
 }
 BOTH = (("box", 0.6, "bounded: box beyond"), ("x0_hi", 0.5, "ranges: x0 box"))

@@ -71,8 +71,16 @@ FALSE = {
         "box": ((*T, "box"), 0.9, "box"), "range": ((*T, "x_hi"), 0.9, "box x"), "P": ((*Z, "P"), 1 - 1e-6, "P["),
         "Pb": ((*Z, "Pb"), 1 - 1e-6, "Pb["), "S": ((*Z, "S"), 1 - 1e-6, "S["), "g": ((*Z, "g"), 1 - 1e-5, "g["),
         "gb": ((*Z, "gb"), 1 - 1e-5, "gb["), "rho": ((*Z, "rho"), 1 - 1e-5, "rho["),
-        "spread": ((*Z, "spread"), 0.99, "spread["), "limit": ((*T, "limit"), 0.5, "limit below"),
-        "ultimate box": ((*C, "steady_box", "half"), 0.9, "ultimate box"),
+        "coordinates": ((*Z, "T"), 1.01, ""), "spread": ((*Z, "spread"), 0.99, "spread["),
+        "limit": ((*T, "limit"), 0.5, "limit below"), "ultimate box": ((*C, "steady_box", "half"), 0.9, "ultimate"),
+        "width": ((*C, "steady_box", "width"), 0.99, "ultimate width")},
+    "ellipsoid_trace": {name: (path, 1.01, "") for name, path in ESTIMATE.items() if name not in ("box", "range")} | {
+        "box": ((*T, "box"), 0.9, "box"), "range": ((*T, "x_hi"), 0.9, "box x"), "H": ((*Z, "H"), 0.99, "H of mode"),
+        "Hb": ((*Z, "Hb"), 0.99, "Hb of mode"), "V": ((*Z, "V"), 0.99, "V of mode"), "k": ((*Z, "k"), 0.7, "k["),
+        "tangent": ((*Z, "a"), 0.999, "tangents"), "scale": ((*Z, "scale"), 1 - 1e-6, "scale of"),
+        "weight": ((*Z, "weight"), 0.5, "no square"), "spread": ((*Z, "spread"), 0.9, "spread["),
+        "limit": ((*T, "limit"), 0.5, ""), "trace": ((*C, "trace"), 0.99, "trace grows"),
+        "shrinks": ((*C, "shrink"), 0.9, "does not shrink"), "half": ((*C, "steady_box", "half"), 0.99, "ultimate"),
         "width": ((*C, "steady_box", "width"), 0.99, "ultimate width")},
     "schedule": {name: (path, 1.01, "") for name, path in ESTIMATE.items() if name not in (
         "box", "range", "blind")} | {
