@@ -18,6 +18,7 @@ from .point_sets import draft, with_ellipsoid
 from .synthesis.ellipsoid import no_tnl
 from .synthesis.point import PointGains
 from .synthesis.refit import refit
+from .synthesis.set_options import check_set_options
 from .table_sets import CHOICES, TABLES
 from .trace_sets import with_trace
 
@@ -97,6 +98,7 @@ def explore(plant: Plant, module, family: str, options: dict,
     CertificateError
         Gains were found, none survives rounding.
     """
+    check_set_options(plant.name, options, family, plant.n_y)
     failure, made = None, []
     for c in candidates(plant, module, options, lambda text: progress(f"{text} ({len(made)} certified)")):
         gains = {"L": c.L, "N": c.N, "kind": c.kind}
