@@ -35,8 +35,8 @@ def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple[PointT
     if gains["set"] == "thresholds":
         t, sources = with_table(plant, gains, real)
         return t, set_claims.prove(plant.observed.modes, t, proof, resolve, sources)
-    t = draft(plant, gains, gains["order"], gains["limit"], real, gains["directions"], gains["pairs"])
-    return t, set_claims.prove(plant.observed.modes, t, proof, resolve)
+    t = draft(plant, gains, gains["order"], gains["limit"], real, gains["directions"], **gains["reduction"])
+    return t, set_claims.prove(plant.observed.modes, t, proof, resolve, dwell=gains["dwell"])
 
 
 def dwell_of(plant: Plant, proof: dict) -> int:

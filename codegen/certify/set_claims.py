@@ -13,7 +13,7 @@ from .sets import SetDemands
 CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check, "ellipsoid": ellipsoids.check}
 
 
-def prove(modes, t, proof: dict, resolve=None, tables: tuple = ()) -> dict:
+def prove(modes, t, proof: dict, resolve=None, tables: tuple = (), dwell: int = 1) -> dict:
     """Make the certificate of the tables of a point observer.
 
     Parameters
@@ -27,6 +27,8 @@ def prove(modes, t, proof: dict, resolve=None, tables: tuple = ()) -> dict:
         See ``residual_gain.prove``.
     tables : (DwellTable, DwellTable)
         Of ``thresholds.freeze_thresholds``: where the set is a table.
+    dwell : int
+        Samples that every mode lasts at least: read for a zonotope.
 
     Returns
     -------
@@ -45,7 +47,7 @@ def prove(modes, t, proof: dict, resolve=None, tables: tuple = ()) -> dict:
         ellipsoids.check(modes, t, cert)
         return cert
     if not tables:
-        return set_freeze.prove_zonotope(modes, t, level)
+        return set_freeze.prove_zonotope(modes, t, level, dwell)
     cert = thresholds.certificate(*tables, t, level)
     thresholds.check(modes, t, cert)
     return cert

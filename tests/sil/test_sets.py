@@ -87,10 +87,12 @@ TABLE_CHANGES = [("< 3U)", "< 4U)"), ("s->stage++;", "s->stage = 1U;"), ("(PT_AN
 PAIR_CHANGES = [("term[a + 2U] * term[b + 0U]", "term[a + 1U] * term[b + 0U]"), ("j = i + 1U;", "j = i + 9U;"),
                 ("(term[a + 0U] * term[b + 1U]) -", "(term[a + 0U] * term[b + 1U]) +"),
                 ("i < PT_EDGES", "i < 2U")]
+TURN_CHANGES = [("basis[i][k] * shape", "basis[k][i] * shape"), ("back[i][j] * box[j]", "matrix[i][j] * box[j]"),
+                ("key[j] -= most;", ""), ("box[i] = rounding[i]", "box[i] = 0.0F"), ("entry > most", "entry < most")]
 
 
 @pytest.mark.parametrize("variant,changes", [("gain on the new output", CHANGES), ("table", TABLE_CHANGES),
-                                             ("three outputs", PAIR_CHANGES)])
+                                             ("three outputs", PAIR_CHANGES), ("other coordinates", TURN_CHANGES)])
 def test_a_mutant_is_noticed(variant, changes, made, tmp_path):
     """A tie, a column, a margin, a transposition, a mode: the comparison above sees each."""
     design = made(variant)
@@ -144,11 +146,13 @@ def without_rounding(design):
     if design.observer.family == "ellipsoid":
         return changed(design, shape={"k": z.k * 0, "kr": z.kr * 0, "H": z.H * 0, "V": z.V * 0,
                                       "spread": z.spread * 0})
-    return changed(design, shape={"e": z.e * 0, "rho": z.rho * 0, "spread": z.spread - np.float32(0.999) * z.e})
+    return changed(design, shape={"e": z.e * 0, "rho": z.rho * 0, "spread": z.spread - np.float32(0.999) * z.e,
+                            "inside": z.inside * 0})
 
 
-@pytest.mark.parametrize("kind,options", [("luenberger", {"order": 6}), ("tnl", {"order": 6}),
-                                          ("tnl", {"set": "ellipsoid"})])
+@pytest.mark.parametrize("kind,options", [
+    ("luenberger", {"order": 6}), ("tnl", {"order": 6}), ("tnl", {"set": "ellipsoid"}),
+    ("luenberger", {"order": 6, "reduction": VARIANTS["other coordinates"][1]["reduction"]})])
 def test_rounding_is_inside_the_set(kind, options, tmp_path):
     """Noise a millionth of the states: the margins decide. Without them the same run loses states or alarms falsely."""
     plant = random_plant(noise=1e-8, seed=7)
