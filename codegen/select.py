@@ -38,9 +38,13 @@ class Trial:
     cert: dict
     faults: list[SureFault]
 
+    def promised(self, scale: Array) -> float:
+        """Largest surely detected fault over the channels with the tables as emitted, in channel sizes."""
+        return max((f.best / s for f, s in zip(self.faults, scale)), default=np.inf)
+
     def threshold(self, scale: Array) -> float:
-        """Largest surely detected fault over the channels, in channel sizes."""
-        sure = max((f.best / s for f, s in zip(self.faults, scale)), default=np.inf)
+        """The same, or where nothing is promised what the search went by."""
+        sure = self.promised(scale)
         return sure if np.isfinite(sure) else getattr(self.candidate, "figures", {}).get("threshold", np.inf)
 
     @property
@@ -151,7 +155,9 @@ def ranked(trials: list[Trial], criterion: str | None, plant: Plant, scale: Arra
     the best count as equal: among them a proof for any switching goes before one that needs a dwell time, and
     then the narrower interval.
     """
-    faults = [t.threshold(scale) for t in trials]
+    faults = [t.promised(scale) for t in trials]
+    if not np.any(np.isfinite(faults)):  # what the searches found along some sequences is better than nothing
+        faults = [t.threshold(scale) for t in trials]
     enough = 1.1 * min(faults)
 
     def key(item):
