@@ -5,15 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import CertificateError
-from . import ellipsoids, residual_gain, set_freeze, thresholds
+from . import blocks, boxes, ellipsoids, residual_gain, schedules, set_freeze, thresholds
 from .exact import rational, up
 from .sets import SetDemands
 
 #: What is checked of each kind of set.
-CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check, "ellipsoid": ellipsoids.check}
+CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check, "schedule": schedules.check,
+          "blocks": blocks.check, "ellipsoid": ellipsoids.check, "box": boxes.check}
+#: How the certificate of a table is made.
+TABLES = {"thresholds": thresholds.certificate, "schedule": schedules.certificate, "blocks": blocks.certificate}
 
 
-def prove(modes, t, proof: dict, resolve=None, tables: tuple = (), dwell: int = 1) -> dict:
+def prove(modes, t, proof: dict, resolve=None, tables: tuple = (), kind: str = "", dwell: int = 1) -> dict:
     """Make the certificate of the tables of a point observer.
 
     Parameters
@@ -26,7 +29,9 @@ def prove(modes, t, proof: dict, resolve=None, tables: tuple = (), dwell: int = 
     resolve : callable, optional
         See ``residual_gain.prove``.
     tables : (DwellTable, DwellTable)
-        Of ``thresholds.freeze_thresholds``: where the set is a table.
+        Of ``thresholds.freeze_thresholds``: where the set is a table by dwell time.
+    kind : str
+        A key of ``TABLES``, where the set is a table.
     dwell : int
         Samples that every mode lasts at least: read for a zonotope.
 
@@ -42,14 +47,16 @@ def prove(modes, t, proof: dict, resolve=None, tables: tuple = (), dwell: int = 
     """
     level = dict(proof) if proof["kind"] == "none" else residual_gain.prove(modes, t.L, t.N, proof, resolve)
     level["rest"] = rounding(modes, t)
+    if hasattr(t.shape, "Pb"):
+        return boxes.prove(modes, t, level)
     if hasattr(t.shape, "kb"):
         cert = {**level, "set": "ellipsoid", "steady_box": None}
         ellipsoids.check(modes, t, cert)
         return cert
-    if not tables:
+    if kind not in TABLES:
         return set_freeze.prove_zonotope(modes, t, level, dwell)
-    cert = thresholds.certificate(*tables, t, level)
-    thresholds.check(modes, t, cert)
+    cert = TABLES[kind](*tables, t, level)
+    CHECKS[kind](modes, t, cert)
     return cert
 
 
