@@ -11,8 +11,9 @@ from codegen.certify.exact import rational
 from codegen.errors import CertificateError, DesignError
 from codegen.observers import Supervision, ZonotopeObserver
 from codegen.plant.load import load
-from codegen.point_sets import draft, reductions, settled, simulated, sized
+from codegen.point_sets import draft, reductions, sized
 from codegen.points import certified
+from codegen.set_simulation import settled, simulated
 
 ORDER = {"order": 5}
 
@@ -46,10 +47,11 @@ def test_other_coordinates_are_chosen_where_those_of_x_diverge(modes, dwell, wor
     assert any("Ultimate width" in claim and words in claim for claim in claims)
     half = (plant.x0_hi - plant.x0_lo) / 2
     paths = np.array([np.resize(np.repeat(range(len(modes)), dwell), 120)])
-    widths = simulated(t, half, paths)[:, 0]
+    widths = simulated(t, half, paths, ZonotopeObserver)[:, 0]
     assert np.all(widths[-30:] <= np.array(cert["steady_box"]["width"]) / 2)
     x = draft(plant, gains, 5, 1e9 * np.ones(3), "float64", np.zeros((0, 2)))
-    assert settled(simulated(x, half, paths)) is None or np.max(simulated(x, half, paths)[-1] / widths[-1]) > 5
+    in_x = simulated(x, half, paths, ZonotopeObserver)
+    assert settled(in_x) is None or np.max(in_x[-1] / widths[-1]) > 5
 
 
 def test_the_step_holds_the_set_exactly(slow):
