@@ -29,6 +29,7 @@ from .observers.ellipsoid import sandwich
 from .observers.zonotope import set_work
 from .plant.model import Plant
 from .set_simulation import settled, simulated
+from .trace_sets import traced
 
 Array = np.ndarray
 #: Set in the options where the plant file says nothing.
@@ -239,6 +240,7 @@ def weighted(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     gains : dict
         "L", "N", "kind".
     options : dict
+        "weights": "trace" for those that the firmware chooses.
     dwell : int
 
     Returns
@@ -250,6 +252,8 @@ def weighted(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     DesignError
         The set grows without bound for every weight.
     """
+    if options.get("weights") == "trace":
+        return aimed(plant, gains, traced(plant, gains, dwell))
     half = np.max([(plant.limits("x")[1] - plant.limits("x")[0]) / 2, (plant.x0_hi - plant.x0_lo) / 2], axis=0)
     paths, found = np.array(patterns(plant.n_modes, dwell, STEPS)), None
     base = {"set": "ellipsoid", "limit": 8 * np.sqrt(plant.n_x) * half, "directions": np.zeros((0, plant.n_y)),
@@ -270,11 +274,16 @@ def weighted(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     steady = {"x": np.sqrt(X[late].min(axis=(0, 1))), "x_most": np.sqrt(X.max(axis=(0, 1))),
               "y": np.sqrt(R[late].min(axis=(0, 1))), "y_most": np.sqrt(R.max(axis=(0, 1)))}
     tried |= {"steady": steady, "limit": np.maximum(1.25 * steady["x_most"], 1.25 * np.sqrt(plant.n_x) * half)}
-    if plant.n_y > 2:
-        spare = gains | {"order": None}
-        t = draft(plant, spare, 2 * plant.n_x + plant.n_w + plant.n_v, 1e3 * half, "float64", base["directions"])
-        tried["directions"] = directions(plant, t, gains)
-    return tried
+    return aimed(plant, gains, tried)
+
+
+def aimed(plant: Plant, gains: dict, chosen: dict) -> dict:
+    """The same choice with directions of the membership test, where it needs any."""
+    if plant.n_y <= 2:
+        return chosen
+    most = 1e3 * np.maximum(plant.limits("x")[1] - plant.limits("x")[0], plant.x0_hi - plant.x0_lo)
+    t = draft(plant, gains, 2 * plant.n_x + plant.n_w + plant.n_v, most, "float64", np.zeros((0, plant.n_y)))
+    return chosen | {"directions": directions(plant, t, gains)}
 
 
 def followed(t: PointTables, half: Array, paths: Array) -> tuple[Array, Array]:

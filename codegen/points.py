@@ -19,6 +19,7 @@ from .synthesis.ellipsoid import no_tnl
 from .synthesis.point import PointGains
 from .synthesis.refit import refit
 from .table_sets import CHOICES, TABLES
+from .trace_sets import with_trace
 
 Array = np.ndarray
 
@@ -31,8 +32,8 @@ def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple[PointT
     CertificateError
     """
     resolve = None if proof["kind"] == "none" else partial(refit, plant, proof=proof)
-    if gains["set"] == "box":
-        t = with_box(plant, gains, real)
+    if gains["set"] in ("box", "ellipsoid_trace"):
+        t = (with_box if gains["set"] == "box" else with_trace)(plant, gains, real)
         return t, set_claims.prove(plant.observed.modes, t, proof, resolve)
     if gains["set"] == "ellipsoid":
         t = with_ellipsoid(plant, gains, real)

@@ -38,14 +38,14 @@ class Trial:
     cert: dict
     faults: list[SureFault]
 
-    def promised(self, scale: Array) -> float:
-        """Largest surely detected fault over the channels with the tables as emitted, in channel sizes."""
+    def threshold(self, scale: Array) -> float:
+        """Largest surely detected fault over the channels, in channel sizes."""
         return max((f.best / s for f, s in zip(self.faults, scale)), default=np.inf)
 
-    def threshold(self, scale: Array) -> float:
-        """The same, or where nothing is promised what the search went by."""
-        sure = self.promised(scale)
-        return sure if np.isfinite(sure) else getattr(self.candidate, "figures", {}).get("threshold", np.inf)
+    @property
+    def searched(self) -> float:
+        """What the search for the gains found of it, for exact sets; infinite where the design has no such figure."""
+        return getattr(self.candidate, "figures", {}).get("threshold", np.inf)
 
     @property
     def needs_dwell(self) -> bool:
@@ -155,9 +155,9 @@ def ranked(trials: list[Trial], criterion: str | None, plant: Plant, scale: Arra
     the best count as equal: among them a proof for any switching goes before one that needs a dwell time, and
     then the narrower interval.
     """
-    faults = [t.promised(scale) for t in trials]
-    if not np.any(np.isfinite(faults)):  # what the searches found along some sequences is better than nothing
-        faults = [t.threshold(scale) for t in trials]
+    faults = [t.threshold(scale) for t in trials]
+    if not np.all(np.isfinite(faults)) and np.all(np.isfinite([t.searched for t in trials])):
+        faults = [t.searched for t in trials]  # of one kind: a promise is larger than what the search finds
     enough = 1.1 * min(faults)
 
     def key(item):

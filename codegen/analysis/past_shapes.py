@@ -159,13 +159,16 @@ class Shapes:
         """What |d' r| has to exceed for an alarm in modes q, (P, d); for one and two residuals any d is tested."""
         o = np.minimum(before, self.last)
         R = self._image(self.gr[q], self.C[q], X, self.V[q, o], self.kr[q])
-        diagonal = np.einsum("pii->pi", R)
-        bound = np.min(self.ay * diagonal[:, None] + self.by, axis=1) * OUTWARD
-        square = np.einsum("di,pij,dj->pd", D, R, D)
+        bound = np.min(self.ay * np.einsum("pii->pi", R)[:, None] + self.by, axis=1) * OUTWARD
+        return self.tested(R, bound, self.own[q, o], D)
+
+    def tested(self, R: Array, bound: Array, noise: Array, D: Array) -> Array:
+        """The same for shapes R (P, n_y, n_y), bounds of single residuals (P, n_y) and the noise's shapes alone."""
+        square, diagonal = np.einsum("di,pij,dj->pd", D, R, D), np.einsum("pii->pi", R)
         if R.shape[1] == 1:
             return bound * np.abs(D[:, 0])
         if R.shape[1] == 2:
-            least = np.linalg.det(self.own[q, o])  # R is above the noise's own shape
+            least = np.linalg.det(noise)  # R is above the noise's own shape
             product = diagonal.prod(axis=1)
             room = 2.0 * self.slack * product + 2.0 * self.floor * (1.0 + diagonal.sum(axis=1))
             return np.sqrt(square * (1.0 + room / np.where(least > 0, least, np.nan))[:, None]) * OUTWARD

@@ -22,6 +22,7 @@ from ..algebra import zonotope
 from ..algebra.dwell import fewest_samples
 from ..algebra.error_set import ErrorRecursion
 from . import set_detectability
+from .past_boxes import Traced, Widths
 from .past_sets import Exact, Follower, entered, sequences
 from .past_shapes import Reduced, Rows, Shapes
 
@@ -31,7 +32,7 @@ MOST_SEQUENCES = 3000
 #: Samples before the onset at least, which long delays give way to, and at most.
 LEAST_BEFORE, LONGEST_BEFORE = 2, 60
 #: What bounds the firmware's own set, by its kind.
-FOLLOWERS = {"zonotope": Reduced, "ellipsoid": Shapes, "thresholds": Rows}
+FOLLOWERS = {"zonotope": Reduced, "ellipsoid": Shapes, "thresholds": Rows, "box": Widths, "ellipsoid_trace": Traced}
 #: Directions looked at for two and three residuals where the test is exact.
 FAN, BALL = 24, 80
 
@@ -117,7 +118,7 @@ def directions(t) -> Array:
     n_y, table = t.C.shape[1], hasattr(t.shape, "h")
     if n_y == 2 and not table:
         return zonotope.fan(FAN)
-    own = t.shape.directions.astype(float)
+    own = getattr(t.shape, "directions", np.zeros((0, n_y))).astype(float)
     if getattr(t.shape, "pairs", False):
         own = ball(BALL)
     return own if table else np.concatenate([np.eye(n_y), own])

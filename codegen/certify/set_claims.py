@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import CertificateError
-from . import blocks, boxes, ellipsoids, residual_gain, schedules, set_freeze, thresholds
+from . import blocks, boxes, ellipsoids, residual_gain, schedules, set_freeze, thresholds, trace_ellipsoids
 from .exact import rational, up
 from .sets import SetDemands
 
 #: What is checked of each kind of set.
 CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check, "schedule": schedules.check,
-          "blocks": blocks.check, "ellipsoid": ellipsoids.check, "box": boxes.check}
+          "blocks": blocks.check, "ellipsoid": ellipsoids.check, "box": boxes.check,
+          "ellipsoid_trace": trace_ellipsoids.check}
 #: How the certificate of a table is made.
 TABLES = {"thresholds": thresholds.certificate, "schedule": schedules.certificate, "blocks": blocks.certificate}
 
@@ -49,6 +50,8 @@ def prove(modes, t, proof: dict, resolve=None, tables: tuple = (), kind: str = "
     level["rest"] = rounding(modes, t)
     if hasattr(t.shape, "Pb"):
         return boxes.prove(modes, t, level)
+    if hasattr(t.shape, "weight_y"):
+        return trace_ellipsoids.prove(modes, t, level)
     if hasattr(t.shape, "kb"):
         cert = {**level, "set": "ellipsoid", "steady_box": None}
         ellipsoids.check(modes, t, cert)

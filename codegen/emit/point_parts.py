@@ -8,7 +8,7 @@ import numpy as np
 
 from ..observers.point import centred
 from ..observers.zonotope import set_work
-from . import block_parts, box_parts, ellipsoid_parts, schedule_parts, threshold_parts
+from . import block_parts, box_parts, ellipsoid_parts, ellipsoid_trace_parts, schedule_parts, threshold_parts
 from .cprint import initialiser, literal, macro_names
 from .families import Member, Word, mode_word, state_layout
 from .layouts import lay_out
@@ -81,7 +81,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
 
     Parameters
     ----------
-    family : {"zonotope", "thresholds", "schedule", "blocks", "ellipsoid", "box"}
+    family : {"zonotope", "thresholds", "schedule", "blocks", "ellipsoid", "box", "ellipsoid_trace"}
     t : PointTables
     s : Supervision
     names : Names
@@ -275,4 +275,6 @@ FAMILY = {"zonotope": (state_of, operations, zonotope),
           "schedule": (schedule_parts.state, threshold_parts.operations, schedule_parts.view),
           "blocks": (block_parts.state, block_parts.operations, block_parts.view),
           "ellipsoid": (ellipsoid_parts.state, ellipsoid_parts.operations, ellipsoid_parts.view),
-          "box": (box_parts.state, box_parts.operations, box_parts.view)}
+          "box": (box_parts.state, box_parts.operations, box_parts.view),
+          "ellipsoid_trace": (ellipsoid_trace_parts.state, ellipsoid_trace_parts.operations,
+                              ellipsoid_trace_parts.view)}

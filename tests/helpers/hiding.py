@@ -21,7 +21,7 @@ def bounds_along(design, real, q):
     t, run = design.observer.tables[real], design.observer
     z, n_y = t.shape, t.C.shape[1]
     sets, origin = [], np.array([t.origins - 1])
-    D = np.concatenate([np.eye(n_y), z.directions.astype(float)])
+    D = np.concatenate([np.eye(n_y), getattr(z, "directions", np.zeros((0, n_y))).astype(float)])
     half = ((t.x0_hi - t.x0_lo) / 2)[None].astype(t.dtype)
     H = run.whole(t, half, True)
     for k, mode in enumerate(q):
@@ -32,6 +32,8 @@ def bounds_along(design, real, q):
             origin = last if t.kind == "tnl" else np.zeros(1, int)
         if run.family == "thresholds":
             sets.append((z.directions.astype(float), z.h[run._row(t, now, H)][0].astype(float)))
+        elif run.family == "box":
+            sets.append((D, run.judged(t, now, origin, H, np.zeros((1, n_y), t.dtype))[0][0].astype(float)))
         elif run.family == "zonotope":
             R = np.concatenate([t.C[mode].astype(float) @ H[0], z.V[mode, origin[0]].astype(float)], axis=1)
             edges = np.concatenate([D, zonotope.normals(R)]) if n_y == 2 or z.pairs else D
@@ -40,7 +42,10 @@ def bounds_along(design, real, q):
             sets.append((edges, np.abs(edges @ R).sum(axis=1) + np.abs(edges) @ z.rho[mode].astype(float)))
         else:
             C = t.C[mode].astype(float)
-            R = z.gr[mode].astype(float) * C @ H[0].astype(float) @ C.T + z.V[mode, origin[0]]
+            if run.family == "ellipsoid_trace":
+                R = run.shape_of_residuals(t, now, origin, H)[0].astype(float)
+            else:
+                R = z.gr[mode].astype(float) * C @ H[0].astype(float) @ C.T + z.V[mode, origin[0]]
             tangents = ROUND @ np.linalg.inv(np.linalg.cholesky(R)) if n_y == 2 else D
             sets.append((tangents, np.sqrt(np.einsum("di,ij,dj->d", tangents, R, tangents))))
     return sets

@@ -114,12 +114,23 @@ def shrink(follower):
     follower.h, follower.later = 0.7 * follower.h, 0.7 * follower.later
 
 
+def narrow(follower):
+    """Half widths that are not the firmware's."""
+    follower.S, follower.rho = 0.7 * follower.S, 0.7 * follower.rho
+
+
+def lighter(follower):
+    """Noise of the residual that is not the firmware's."""
+    follower.V = 0.1 * follower.V
+
+
 def unweighted(follower):
     """The sum of two ellipsoids without the factor that makes it hold both."""
     follower.g = np.ones_like(follower.g)
 
 
-@pytest.mark.parametrize("name,spoil", [("two outputs", quiet), ("ellipsoid", unweighted), ("table", shrink)])
+@pytest.mark.parametrize("name,spoil", [("two outputs", quiet), ("ellipsoid", unweighted), ("table", shrink),
+                                        ("box", narrow), ("trace", lighter)])
 def test_a_bound_that_is_too_small_promises_too_much(name, spoil, design_of, monkeypatch):
     """Along the worst sequence more can be hidden than a spoilt bound says."""
     design, real = design_of(name), "float32"
