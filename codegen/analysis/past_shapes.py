@@ -34,9 +34,9 @@ class Reduced:
         weight = z.weight.astype(float)
         self.key, self.root = z.key, np.sqrt(weight) if z.key == "squared" else weight
         self.kept = z.order - n
-        self.B = z.B.astype(float) if z.turned else np.broadcast_to(np.eye(n), self.m.A.shape)
-        self.S = z.S.astype(float) if z.turned else self.m.A
-        self.inside = z.inside.astype(float) if z.turned else np.broadcast_to(self.e, (len(t.A), n))
+        self.B = z.B.astype(float) if z.oblique else np.broadcast_to(np.eye(n), self.m.A.shape)
+        self.S = z.S.astype(float) if z.oblique else self.m.A
+        self.inside = z.inside.astype(float) if z.oblique else np.broadcast_to(self.e, (len(t.A), n))
 
     def first(self, limit: Array) -> Array:
         """See ``Follower``."""

@@ -42,7 +42,7 @@ def zonotope(modes, t, cert: dict) -> dict[str, list[Margin]]:
     out = {"alarm": [entrywise("e beyond what rounding and left over constants add", z.e, exact.error_box()),
                      entrywise("rho beyond what they add to a residual", z.rho, exact.residual_box()),
                      *[entrywise("inside beyond rounding in the coordinates of boxes", z.inside, exact.inside())
-                       for _ in range(int(z.turned))],
+                       for _ in range(int(z.oblique))],
                      Margin("slack of the membership test", Q(z.slack) - exact.slack()),
                      Margin("floor of the membership test", Q(z.floor) - exact.floor())],
            "state": [entrywise("spread beyond the noise in the estimate and rounding", z.spread, exact.spread())],

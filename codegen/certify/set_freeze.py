@@ -173,8 +173,8 @@ def prove_zonotope(modes, t, proof: dict, dwell: int = 1) -> dict:
     CertificateError
     """
     demands = ZonotopeDemands(SetDemands(modes, t), t.shape)
-    half, boxes = None if t.shape.turned else steady_hull(t, demands), None
-    if half is None and (dwell > 1 or t.shape.turned):
+    half, boxes = None if t.shape.oblique else steady_hull(t, demands), None
+    if half is None and (dwell > 1 or t.shape.oblique):
         every = Boxes(t, demands, dwell)
         boxes = every.found()
         half = None if boxes is None or every.broken(boxes) else every.in_x(boxes)
@@ -219,7 +219,7 @@ def check_zonotope(modes, t, cert: dict) -> list[str]:
                                f"{len(t.box)} states.")
     if t.shape.pairs:
         _check_cubes(t, exact)
-    if t.shape.turned and not len(t.shape.B) == len(t.shape.S) == len(t.shape.Sb) == len(t.A):
+    if t.shape.oblique and not len(t.shape.B) == len(t.shape.S) == len(t.shape.Sb) == len(t.A):
         raise CertificateError("certificate: coordinates of boxes are not given for every mode.")
     for name, found in demands.columns().items():
         if found.shape != getattr(t.shape, name).shape:

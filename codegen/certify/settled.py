@@ -33,9 +33,9 @@ class Boxes:
         z, n, modes = t.shape, len(t.box), range(len(t.A))
         self.steps, self.dwell = every_sample(len(t.A), dwell), dwell
         unit = rational(np.eye(n))
-        self.B = [rational(z.B[q]) if z.turned else unit for q in modes]
-        S = [rational(z.S[q]) if z.turned else demands.of.M[q] for q in modes]
-        inside = [rational(z.inside[q]) if z.turned else demands.e for q in modes]
+        self.B = [rational(z.B[q]) if z.oblique else unit for q in modes]
+        S = [rational(z.S[q]) if z.oblique else demands.of.M[q] for q in modes]
+        inside = [rational(z.inside[q]) if z.oblique else demands.e for q in modes]
         self.maps = {(p, q): abs(product(self.B[q], S[p])) for p in modes for q in modes}
         self.added = {}
         for p in modes:

@@ -215,14 +215,14 @@ def zonotope(t, names: Names) -> SetView:
         return values.swapaxes(2, 3).reshape(*values.shape[:2], -1)  # one generator after the other
 
     def turn(S):
-        if not z.turned:
+        if not z.oblique:
             return ()
         return (by_mode("basis", z.B, f"[{m}_NX][{m}_NX]"), by_mode("back", S, f"[{m}_NX][{m}_NX]"),
                 by_mode("rounding", z.inside, f"[{m}_NX]"))
 
-    plain = z.key == "squared" and not z.turned
+    plain = z.key == "squared" and not z.oblique
     steps = tuple(Steps(f"{names.prefix}_set_{name}", equation, matrix,
-                        ("basis[p], back[p], rounding[p], ",) * z.turned,
+                        ("basis[p], back[p], rounding[p], ",) * z.oblique,
                         (by_mode(matrix, M, f"[{m}_NX][{m}_NX]"), *turn(S),
                          by_mode("added", columns(F), f"{origins}[{m}_NX * {m}_ADDED]")), after)
                   for name, matrix, M, S, F, equation, after in (
@@ -246,10 +246,10 @@ def zonotope(t, names: Names) -> SetView:
         forget=(f"s->origin = {m}_MODES;",) * (t.kind == "tnl"), start=vector("half", half[0], "NX"),
         whole=vector("half", half[1], "NX"), limit=vector("limit", t.limit, "NX"),
         weight=vector("weight", z.weight, "NX"),
-        rounding=(vector("rounding", z.e, "NX"),) * (not z.turned), plain=("",) * plain, turned=("",) * z.turned,
-        copied=("",) * (not z.turned), columns=("",) * (not plain), squared=("",) * (z.key == "squared"),
+        rounding=(vector("rounding", z.e, "NX"),) * (not z.oblique), plain=("",) * plain, turned=("",) * z.oblique,
+        copied=("",) * (not z.oblique), columns=("",) * (not plain), squared=("",) * (z.key == "squared"),
         girard=("",) * (z.key == "girard"),
-        back="back" if z.turned else "matrix",
+        back="back" if z.oblique else "matrix",
         spread=Table("spread", f"{origins}[{m}_NX]", (), tuple(f"{initialiser(v, real)}," for v in z.spread)),
         steps=steps, output=tuple(output), noises=(f"{m}_NOISES",) * bool(noises),
         room=f"{m}_EDGES" if z.pairs else f"{m}_TERMS", by_normals=(f"{m}_TERMS",) * (n_y == 2),
@@ -263,7 +263,7 @@ def operations(t, views, n_u: int, n_y: int) -> Operations:
     z, n = t.shape, len(t.box)
     residual, forward, blind = (np.array(v.operations) for v in views)
     multiply, add = (int(c) for c in residual + np.maximum(forward, blind))
-    own = set_work(n, n_y, z.order, z.F.shape[3], z.V.shape[3], len(z.directions), z.pairs, z.turned)
+    own = set_work(n, n_y, z.order, z.F.shape[3], z.V.shape[3], len(z.directions), z.pairs, z.oblique)
     return Operations(multiply + own.multiply, add + own.add + 2 * n, own.compare + 2 * n_u + 3 * n_y + 3 * n)
 
 

@@ -72,7 +72,7 @@ class BlockTables:
 
     #: As a zonotope's: what columns are compared by, and that boxes are in the coordinates of x.
     key = "squared"
-    turned = False
+    oblique = False
 
     @property
     def longest(self) -> int:

@@ -87,7 +87,7 @@ class ZonotopeTables:
         return self.order + self.F.shape[3]
 
     @property
-    def turned(self) -> bool:
+    def oblique(self) -> bool:
         """Whether boxes are in other coordinates than those of x."""
         return len(self.B) > 0
 
@@ -199,14 +199,14 @@ def reduced(z: ZonotopeTables, H: Array, p: Array | None = None) -> tuple[Array,
     """
     runs, n_x, columns = H.shape
     H, rows = H.copy(), np.arange(runs)
-    Z = times(z.B[p], H) if z.turned else H
+    Z = times(z.B[p], H) if z.oblique else H
     key, kept = keys(z, Z), z.order - n_x
     for j in range(kept):
         best = j + np.argmax(key[:, j:], axis=1)  # the first of the largest, as a strict > finds it
-        for array in (H.swapaxes(1, 2), key) + (Z.swapaxes(1, 2),) * z.turned:
+        for array in (H.swapaxes(1, 2), key) + (Z.swapaxes(1, 2),) * z.oblique:
             first, chosen = array[:, j].copy(), array[rows, best].copy()
             array[rows, best], array[:, j] = first, chosen
-    box = z.inside[p] if z.turned else np.broadcast_to(z.e, (runs, n_x))
+    box = z.inside[p] if z.oblique else np.broadcast_to(z.e, (runs, n_x))
     for j in range(kept, columns):
         box = box + np.abs(Z[:, :, j])
     return H[:, :, :kept], box
@@ -250,7 +250,7 @@ class ZonotopeObserver(PointObserver):
         """The set one step of the modes p later."""
         z, M = t.shape, (t.M if measured else t.A)[p]
         kept, box = reduced(z, H, p)
-        back = (z.S if measured else z.Sb)[p] if z.turned else M
+        back = (z.S if measured else z.Sb)[p] if z.oblique else M
         fresh = (z.F if measured else z.Fb)[p, np.minimum(origin, t.origins - 1)]
         return np.concatenate([times(M, kept), back * box[:, None, :], fresh], axis=2)
 

@@ -51,7 +51,7 @@ def gains_of(plant, kind):
 
 
 def point_design(plant, kind="luenberger", supervision=None, dwell=1, turn=None, reduction=None, **options):
-    """Freeze and certify both number types; ``turn``: coordinates of a box, ``reduction``: how a zonotope is reduced."""
+    """Freeze and certify both number types; ``turn``: coordinates of a box, ``reduction``: how to reduce a zonotope."""
     gains = gains_of(plant, kind)
     gains |= choice_of(options, "zonotope")(plant, gains, options, dwell)
     if turn is not None:

@@ -42,7 +42,7 @@ def slow():
 def test_other_coordinates_are_chosen_where_those_of_x_diverge(modes, dwell, words, slow):
     plant, gains, t, cert = slow if dwell > 1 else made(modes, dwell)
     z = t.shape
-    assert z.turned and z.order == 5 and gains["reduction"]["coordinates"] is not None
+    assert z.oblique and z.order == 5 and gains["reduction"]["coordinates"] is not None
     claims = set_claims.check(plant.modes, t, cert)
     assert any("Ultimate width" in claim and words in claim for claim in claims)
     half = (plant.x0_hi - plant.x0_lo) / 2
