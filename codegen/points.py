@@ -42,8 +42,8 @@ def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple[PointT
     if gains["set"] in TABLES:
         t, sources = TABLES[gains["set"]](plant, gains, real)
         return t, set_claims.prove(plant.observed.modes, t, proof, resolve, sources, gains["set"])
-    t = draft(plant, gains, gains["order"], gains["limit"], real, gains["directions"], gains["pairs"])
-    return t, set_claims.prove(plant.observed.modes, t, proof, resolve)
+    t = draft(plant, gains, gains["order"], gains["limit"], real, gains["directions"], **gains["reduction"])
+    return t, set_claims.prove(plant.observed.modes, t, proof, resolve, dwell=gains["dwell"])
 
 
 def choice_of(options: dict, family: str) -> Callable[[Plant, dict, dict, int], dict]:
