@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 
 from ..algebra.error_set import ErrorRecursion
-from . import set_detectability
+from . import set_detectability, sure_faults
 from .set_tables import DwellTable
 
 Array = np.ndarray
@@ -38,8 +38,8 @@ def thresholds(plant, t, cert: dict, within: int) -> Array:
     ndarray (n_f, within + 1)
         Infinite where no size is sure.
     """
-    if cert["set"] == "thresholds":
-        return tabulated(plant, t, cert, within)
+    if cert["set"] in sure_faults.FOLLOWERS:
+        return sure_faults.thresholds(plant, t, cert, within)
     if cert["set"] == "schedule":
         return along_schedule(plant, t, within)
     out = np.full((plant.n_f, within + 1), np.inf)
@@ -112,8 +112,6 @@ def settled_bounds(t, cert: dict) -> tuple[Array, Array]:
     The width that "settled" is measured by holds the noise in the estimate too, which depends on the mode: the box is
     scaled so that it covers any share of it. (A scaled box is kept as the box itself is.)
     """
-    if cert["set"] == "box":
-        return box_bounds(t, cert)
     z, C, M = t.shape, t.C.astype(float), t.M.astype(float)
     half, e = np.array(cert["steady_box"]["half"]), z.e.astype(float)
     most = np.array(cert["steady_box"]["width"]) / 2 - z.spread.astype(float).min(axis=0)
@@ -133,16 +131,6 @@ def block_bounds(t, cert: dict, count: int) -> tuple[Array, Array]:
     own = z.noise.astype(float).max(axis=0)[:, :count] + reach[:, 1:].max(axis=(0, 1))[:count]  # 0: only at a start
     own = own * (1.0 + 4 * (z.order + len(half) + 8) * float(np.finfo(t.dtype).eps))
     return own, np.broadcast_to(own, (len(t.A), len(t.A), count))
-
-
-def box_bounds(t, cert: dict) -> tuple[Array, Array]:
-    """The same of an interval set: what the firmware itself computes from the largest half widths."""
-    z = t.shape
-    half, most = np.array(cert["steady_box"]["half"]), np.array(cert["steady_box"]["width"]) / 2
-    half = half * np.max((most - z.spread.astype(float).min(axis=0)) / half)
-    S, P, rest = z.S.astype(float), z.P.astype(float), z.rho.astype(float).max(axis=1)
-    carried = P @ half + z.g.astype(float).max(axis=1)
-    return S @ half + rest, np.einsum("qyx,px->pqy", S, carried) + rest
 
 
 def responses(modes, t, path, channel: int):

@@ -100,7 +100,7 @@ class BlockDemands:
         return bool(np.all(self.left(half) >= 0))
 
     def left(self, half: Array) -> Array:
-        """What half widths (n_x,) have beyond the row sums at the end of any block; negative where they are not kept."""
+        """What half widths (n_x,) have beyond the row sums at the end of any block; below 0 where they are not kept."""
         half, z, least = rational(half), self.z, None
         for q, j in np.ndindex(*z.powers.shape[:2]):
             power = abs(rational(z.powers[q, j]))

@@ -19,9 +19,10 @@ Array = np.ndarray
 class BlockView:
     """Sizes and tables of each function, statements where modes or origins differ.
 
-    ``last`` finds the mode of the last sample where there are several; ``block``, ``before`` and ``origin`` are expressions of the block's mode, of the origin of the estimate at its start
-    and of that at this sample; ``started`` and ``forget`` keep or clear them, ``ends`` is when a block does;
-    ``others`` has an entry where there are directions beside the outputs.
+    ``last`` finds the mode of the last sample where there are several; ``block``, ``before`` and ``origin`` are
+    expressions of the block's mode, of the origin of the estimate at its start and of that at this sample; ``started``
+    and ``forget`` keep or clear them, ``ends`` is when a block does; ``others`` has an entry where there are directions
+    beside the outputs.
     """
 
     numbers: int

@@ -50,10 +50,12 @@ def gains_of(plant, kind):
     return {"L": L, "N": N, "kind": kind}
 
 
-def point_design(plant, kind="luenberger", supervision=None, dwell=1, **options):
-    """Freeze and certify both number types."""
+def point_design(plant, kind="luenberger", supervision=None, dwell=1, turn=None, **options):
+    """Freeze and certify both number types; ``turn``: coordinates of a box, needed or not."""
     gains = gains_of(plant, kind)
     gains |= choice_of(options, "zonotope")(plant, gains, options, dwell)
+    if turn is not None:
+        gains |= {"coordinates": np.array(turn, dtype=float), "limit": 8 * gains["limit"]}
     made = {real: certified(plant, gains, {"kind": "none"}, real) for real in ("float32", "float64")}
     family = made["float32"][1]["set"]
     observer = FAMILIES[family]({real: t for real, (t, _) in made.items()}, supervision or Supervision())
@@ -86,6 +88,7 @@ VARIANTS = {  # plant, then arguments of ``point_design``: between them every br
     "gain on the new output": ({"seed": 1}, {"kind": "tnl", "supervision": GUARDED}),
     "smallest": ({"sizes": (1, 1, 0, 1), "noises": (1, 1)}, {"kind": "luenberger", "order": 2}),
     "no sensor noise": ({"sizes": (2, 2, 1, 1), "noises": (2, 0), "seed": 2}, {"kind": "tnl", "order": 5}),
+    "three outputs": ({"sizes": (2, 3, 1, 3), "noises": (1, 2), "seed": 11}, {"kind": "tnl", "order": 5}),
     "four outputs": ({"sizes": (2, 4, 2, 4), "noises": (1, 4), "seed": 3},
                      {"kind": "tnl", "order": 9, "supervision": Supervision(debounce=(1, 4), latch=False, recover=3)}),
     "table": ({"seed": 5}, {"kind": "tnl", "tables": "dwell", "dwell": 3, "rows": 4, "stages": 3}),
@@ -105,7 +108,14 @@ VARIANTS = {  # plant, then arguments of ``point_design``: between them every br
                               {"kind": "luenberger", "set": "ellipsoid", "supervision": GUARDED}),
     "ellipsoid, four outputs": ({"sizes": (2, 4, 2, 4), "noises": (1, 4), "seed": 3},
                                 {"kind": "luenberger", "set": "ellipsoid"}),
+    "trace": ({"seed": 8}, {"kind": "tnl", "set": "ellipsoid", "weights": "trace"}),
+    "trace, one output": ({"sizes": (1, 2, 0, 1), "noises": (1, 1), "seed": 6},
+                          {"kind": "luenberger", "set": "ellipsoid", "weights": "trace", "supervision": GUARDED}),
+    "trace, four outputs": ({"sizes": (2, 4, 2, 4), "noises": (1, 4), "seed": 3},
+                            {"kind": "luenberger", "set": "ellipsoid", "weights": "trace"}),
     "box": ({"seed": 10}, {"kind": "tnl", "set": "interval", "supervision": GUARDED}),
+    "box, turned": ({"seed": 8}, {"kind": "tnl", "set": "interval",
+                                  "turn": [[1, 0.3, 0], [-0.2, 1, 0.4], [0.1, 0, 0.7]]}),
     "box, one output": ({"sizes": (1, 2, 0, 1), "noises": (1, 0), "seed": 6}, {"kind": "luenberger",
                                                                                "set": "interval"}),
     "one mode": ({"sizes": (1, 3, 1, 2), "seed": 4}, {"kind": "tnl", "order": 8}),

@@ -21,7 +21,9 @@ def designs():
             "schedule": point_design(plant, "tnl", tables="schedule", rows=4),
             "blocks": point_design(plant, "tnl", tables="arbitrary", rows=3, order=5),
             "ellipsoid": point_design(plant, "tnl", set="ellipsoid"),
-            "box": point_design(plant, "tnl", set="interval")}
+            "box": point_design(plant, "tnl", set="interval"),
+            "turned": point_design(plant, "tnl", set="interval", turn=[[1, 0.3, 0], [-0.2, 1, 0.4], [0.1, 0, 0.7]]),
+            "ellipsoid_trace": point_design(plant, "tnl", set="ellipsoid", weights="trace")}
 
 
 def smaller(value, share=0.9):
@@ -118,6 +120,26 @@ ELLIPSOID = {
 }
 
 
+TRACE = {
+    **{what: ELLIPSOID[what] for what in ("noise of a step", "noise of a blind step", "noise of the residual",
+                                          "not symmetric", "rounding of a step", "rounding of the residual",
+                                          "trace of odd weights", "spread", "slack", "floor", "L", "box")},
+    "trace": lambda t, c: (shape(t, weight=smaller(t.shape.weight, 0.25)), c),
+    "trace of residuals": lambda t, c: (shape(t, weight_y=smaller(t.shape.weight_y, 0.25)), c),
+    "scale": lambda t, c: (shape(t, scale=smaller(t.shape.scale, 1 - 1e-6)), c),
+    "scale of a residual": lambda t, c: (shape(t, scale_y=smaller(t.shape.scale_y, 1 - 1e-6)), c),
+    "tangent": lambda t, c: (shape(t, a=t.shape.a[::-1]), c),
+    "least number of a root": lambda t, c: (shape(t, least=smaller(t.shape.least)), c),
+    "one over the trace": lambda t, c: (shape(t, r=smaller(t.shape.r, 0.5)), c),
+    "shrinks more": lambda t, c: (t, c | {"shrink": [0.9 * x for x in c["shrink"]]}),
+    "shrinks not": lambda t, c: (t, c | {"shrink": [1.0] * 3}),
+    "largest trace": lambda t, c: (t, c | {"trace": 0.99 * c["trace"]}),
+    "beyond the roots": lambda t, c: (t, c | {"trace": 2.0**40}),
+    "half": lambda t, c: (t, c | {"steady_box": c["steady_box"] | {"half": (
+        0.99 * np.array(c["steady_box"]["half"])).tolist()}}),
+    "width": lambda t, c: (t, c | {"steady_box": c["steady_box"] | {"width": (
+        0.99 * np.array(c["steady_box"]["width"])).tolist()}}),
+}
 BOX = {
     "size of M": lambda t, c: (shape(t, P=smaller(t.shape.P, 1 - 2**-23)), c),
     "size of A": lambda t, c: (shape(t, Pb=smaller(t.shape.Pb, 1 - 2**-23)), c),
@@ -159,7 +181,8 @@ def rows(h, which):
 
 
 @pytest.mark.parametrize("real", ["float32", "float64"])
-@pytest.mark.parametrize("family", ["zonotope", "thresholds", "schedule", "blocks", "ellipsoid", "box"])
+@pytest.mark.parametrize("family", ["zonotope", "thresholds", "schedule", "blocks", "ellipsoid", "box", "turned",
+                                    "ellipsoid_trace"])
 def test_what_holds_is_accepted(family, real, designs):
     design = designs[family]
     claims = set_claims.check(design.plant.modes, design.observer.tables[real], design.certificate[real])
@@ -191,9 +214,27 @@ def test_an_ellipsoid_tampered_with_is_refused(what, designs):
     check(designs["ellipsoid"], ELLIPSOID[what])
 
 
+TURNED = BOX | {
+    "coordinates": lambda t, c: (shape(t, T=t.shape.T[::-1].copy()), c),
+    "no inverse": lambda t, c: (shape(t, T=t.shape.T * 0), c),
+    "size of the coordinates": lambda t, c: (shape(t, R=smaller(t.shape.R, 1 - 2**-23)), c),
+    "size of their inverse": lambda t, c: (shape(t, Z=smaller(t.shape.Z, 1 - 2**-23)), c),
+}
+
+
 @pytest.mark.parametrize("what", BOX)
 def test_a_box_tampered_with_is_refused(what, designs):
     check(designs["box"], BOX[what])
+
+
+@pytest.mark.parametrize("what", TURNED)
+def test_a_turned_box_tampered_with_is_refused(what, designs):
+    check(designs["turned"], TURNED[what])
+
+
+@pytest.mark.parametrize("what", TRACE)
+def test_an_ellipsoid_of_least_trace_tampered_with_is_refused(what, designs):
+    check(designs["ellipsoid_trace"], TRACE[what])
 
 
 def check(design: Design, tamper) -> None:
@@ -201,6 +242,18 @@ def check(design: Design, tamper) -> None:
     t, cert = tamper(design.observer.tables["float32"], design.certificate["float32"])
     with pytest.raises(CertificateError, match=r"certificate: |tables: "):
         set_claims.check(design.plant.modes, t, cert)
+
+
+@pytest.mark.parametrize("weights", ["fixed", "trace"])
+def test_squares_that_overflow_are_refused(weights):
+    """Ranges of 5e11: in float32 the membership test would meet infinity minus infinity, and alarm; boxes hold them."""
+    plant, f = random_plant(seed=8), 1e11
+    wide = {v: tuple(replace(s, lo=s.lo * f, hi=s.hi * f) for s in getattr(plant, v)) for v in "xy"}
+    modes = tuple(replace(m, **{k: getattr(m, k) * f for k in ("B", "Bw", "Dv", "Bf", "Df")}) for m in plant.modes)
+    plant = replace(plant, modes=modes, x0_lo=plant.x0_lo * f, x0_hi=plant.x0_hi * f, **wide)
+    with pytest.raises(CertificateError, match="not finite in float32. Use float64"):
+        point_design(plant, "tnl", set="ellipsoid", weights=weights)
+    assert point_design(plant, "tnl", set="interval").certificate["float32"]["steady_box"]
 
 
 @pytest.mark.parametrize("change", [{"D": np.ones((2, 1))}, {"C": np.ones((2, 3))}])
@@ -212,7 +265,8 @@ def test_a_gain_on_the_new_output_asks_for_a_plain_output(change, designs):
         set_claims.check(modes, design.observer.tables["float32"], design.certificate["float32"])
 
 
-@pytest.mark.parametrize("family", ["zonotope", "thresholds", "schedule", "blocks", "ellipsoid", "box"])
+@pytest.mark.parametrize("family", ["zonotope", "thresholds", "schedule", "blocks", "ellipsoid", "box", "turned",
+                                    "ellipsoid_trace"])
 def test_design_json_keeps_every_number(family, designs, tmp_path):
     """Tables and family come back as they were written."""
     from helpers.points import TOML
