@@ -22,6 +22,7 @@ from .emit.render import template_root
 from .errors import CertificateError, DesignError, EmitError, ToolError
 from .pipeline import design, silent
 from .plant.model import Plant
+from .observers import ModeTables
 from .synthesis import METHODS, SETS, known_options
 from .target.boards import BOARDS
 from .target.onboard import present, run_on
@@ -101,7 +102,7 @@ def variants(orders: Sequence[int] = ()) -> list[Variant]:
     """
     found = []
     for name, method in METHODS.items():
-        if method.framers:
+        if method.framers or method.estimates_mode:
             found.append(Variant(name, name, {}))
             continue
         for kind in SETS["set"]:
@@ -235,6 +236,8 @@ def relative_width(made: Design) -> float | None:
 def dwell_of(made: Design) -> float:
     """Samples that a mode has to last (on average) for what is proved; 0: any switching."""
     cert, t = made.certificate[made.plant.target.real], made.observer.tables[made.plant.target.real]
+    if isinstance(t, ModeTables):
+        return float(t.ages + 1)
     table = getattr(getattr(t, "shape", None), "dwell", 1)
     proof = limited(cert) if cert["kind"] in ("linf", "hinf") else None
     return max(0.0 if table == 1 else float(table), 0.0 if proof is None else float(proof[0]))

@@ -96,3 +96,11 @@ def test_report_states_the_delays():
     lines = " ".join(assumed(design, design.observer.tables["float32"], False))
     assert "one of its modes active at any instant" in lines and "in->mode" not in lines
     assert "in->mode" not in (FOLDER / "zammali_modes.h").read_text() + (FOLDER / "zammali_modes.c").read_text()
+
+
+def test_comparison_has_the_estimator_once():
+    from codegen.compare import dwell_of, variants
+
+    assert [v.options for v in variants() if v.method == "mode-set"] == [{}]
+    design = read_design(FOLDER)
+    assert dwell_of(design) == design.certificate["float32"]["ages"] + 1 == 7
