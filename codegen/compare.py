@@ -20,9 +20,9 @@ from .designs import Design
 from .emit.package import generate
 from .emit.render import template_root
 from .errors import CertificateError, DesignError, EmitError, ToolError
+from .observers import ModeTables
 from .pipeline import design, silent
 from .plant.model import Plant
-from .observers import ModeTables
 from .synthesis import METHODS, SETS, known_options
 from .target.boards import BOARDS
 from .target.onboard import present, run_on
