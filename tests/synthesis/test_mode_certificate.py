@@ -37,7 +37,7 @@ def designed():
     return codegen.design(plant())
 
 
-def lost(p, t, seeds=3, steps=120):
+def lost(p, t, seeds=2, steps=100):
     """Samples of exact courses at which the true mode is not possible or the true state is out of its bounds."""
     bad = 0
     for seed in range(seeds):
