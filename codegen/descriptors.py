@@ -17,15 +17,23 @@ from .synthesis import descriptor_direct, descriptor_error, descriptor_uncertain
 from .synthesis.descriptor_analysis import continuous_level, discrete_level
 from .synthesis.descriptor_gains import DirectGains, StandardGains, direct_gains, standard_gains
 from .synthesis.descriptor_lmi import Bounds
-from .synthesis.descriptor_problem import (DescriptorProblem, Scaling, plain, problem_of, refusal, scaled, scaling_of,
-                                           sizes)
+from .synthesis.descriptor_problem import (
+    DescriptorProblem,
+    Scaling,
+    plain,
+    problem_of,
+    refusal,
+    scaled,
+    scaling_of,
+    sizes,
+)
 
 Array = np.ndarray
 DESIGNS = {"descriptor-direct": descriptor_direct, "descriptor-uncertain": descriptor_uncertain,
            "descriptor-error": descriptor_error}
 #: Room given to the exact check, in scaled coordinates; the smallest that passes is kept.
 MARGINS = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
-#: Share by which a design decays faster than it has to, for the rounding of its gains.
+#: Share by which a design is better than it has to be, in decay and Euler period, for the rounding of its gains.
 SPARE = 1e-3
 
 
@@ -128,7 +136,7 @@ def design_observer(problem: DescriptorProblem, method: str, bounds: Bounds, rea
         raise DesignError(f"method is {method!r}, expected one of {', '.join(DESIGNS)}.")
     s = plain(problem) if s is None else s
     asked = replace(bounds, decay=(1 + SPARE) * bounds.decay / s.time,
-                    period=None if bounds.period is None else bounds.period * s.time)
+                    period=None if bounds.period is None else (1 + SPARE) * bounds.period * s.time)
     found = DESIGNS[method].design(scaled(problem, s), asked, **options)
     direct = found.T1 is None
     gains = direct_gains(problem, found, s, real) if direct else standard_gains(problem, found, s, real)

@@ -21,7 +21,7 @@ def _floats(M) -> Array:
 
 
 def _clean(M: Array) -> Array:
-    """Entries that rounding alone left are dropped: beside entries near 1 they stop a solver. The exact check has them."""
+    """Drop entries that rounding alone left: beside those near 1 they stop a solver. The exact check has them."""
     return np.where(np.abs(M) < DROP * np.max(np.abs(M), initial=0.0), 0.0, M)
 
 
@@ -74,7 +74,7 @@ def continuous_level(model, s: Scaling, S: Array, direct: bool, decay: float, pe
         M = he(own.P.T @ own_part) + 2 * decay / s.time * Ee.T @ own.Y @ Ee
         conditions.append(_negative((M + M.T) / 2, margin))
         if period is not None:
-            conditions.append(euler(own.Y, own.Y @ own_part, period * s.time))
+            conditions.append(euler(own.Y, own.Y @ own_part, period * s.time, margin))
     if not solve(cp.Problem(cp.Minimize(level), conditions)):
         return None
     (Y1, X1), (Y2, X2) = own.values(), plant.values()

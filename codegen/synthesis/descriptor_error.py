@@ -64,7 +64,8 @@ def design(problem: DescriptorProblem, bounds: Bounds, form: str = "centred") ->
     h, n, p, _, _ = problem.sizes
     T1, T2, _ = factors(problem)
     level, unit, eps = cp.Variable(), cp.Variable(), cp.Variable(4, nonneg=True)
-    Q, plant, Xi = cp.Variable((n, n), symmetric=True), Storage(problem.E, problem.S), [cp.Variable((n, p)) for _ in range(h)]
+    Q, plant = cp.Variable((n, n), symmetric=True), Storage(problem.E, problem.S)
+    Xi = [cp.Variable((n, p)) for _ in range(h)]
     conditions = [Q >> unit * np.eye(n), plant.Y >> MARGIN * np.eye(n), unit >= MARGIN, level >= bounds.least**2]
     for A, xi in zip(problem.A, Xi):
         QN = Q @ T1 @ A + xi @ problem.C

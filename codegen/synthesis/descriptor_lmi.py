@@ -140,16 +140,16 @@ def negative(rows: list[list], margin: float = MARGIN):
     return M << -margin * np.eye(M.shape[0])
 
 
-def euler(P, PN, period: float):
+def euler(P, PN, period: float, margin: float = MARGIN):
     """The constraint (I + period N)' P (I + period N) <= P, linear in P and P N.
 
     Parameters
     ----------
     P, PN : cvxpy expression (n, n)
-    period : float
+    period, margin : float
     """
     M = assembled([[P, (P + period * PN).T], [P]])
-    return M >> MARGIN * np.eye(M.shape[0])
+    return M >> margin * np.eye(M.shape[0])
 
 
 def solve(problem: cp.Problem) -> bool:

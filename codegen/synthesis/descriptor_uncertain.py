@@ -86,7 +86,7 @@ def design(problem: DescriptorProblem, bounds: Bounds, free: bool = True) -> Des
 
 def _pair(problem: DescriptorProblem, i: int, j: int, T, Q, P2, level) -> list[list]:
     """The inequality of one pair: over (eb, x, u, d, z)."""
-    (PT, T2), (_, _, p, m, q) = T, problem.sizes
+    (PT, T2), (_, _, _, m, q) = T, problem.sizes
     A, B, Bd, C, Dd = problem.A, problem.B, problem.Bd, problem.C, problem.Dd
     return [[he(PT @ A[j] + Q @ C), PT @ (A[i] - A[j]), PT @ (B[i] - B[j]),
              PT @ (Bd[i] - A[j] @ T2 @ Dd) + Q @ (Dd - C @ T2 @ Dd), problem.H.T],
@@ -110,5 +110,6 @@ def hints(problem: DescriptorProblem, bounds: Bounds, T1: Array) -> str:
             seen = np.linalg.svd(np.vstack([s * np.eye(len(A)) - T1 @ A, problem.C]), compute_uv=False)[-1]
             if seen < 1e-7 * max(1.0, abs(s)) and s.real > -bounds.decay:
                 return (f'At vertex "{name}" no gain moves the mode {s.real:.4g}, the decay asked for is '
-                        f"{bounds.decay:.4g} (in the scaled time of the design). Ask for less, or measure what it is.")
-    return "Ask for a slower decay or larger gains; see residua check on whether the plant is admissible for every weight."
+                        f"{bounds.decay:.4g} (in the scaled time of the design). Ask for less, or measure more.")
+    return ("Ask for a slower decay or larger gains; see residua check on whether the plant is admissible for every "
+            "weight.")
