@@ -123,8 +123,9 @@ def _discrete(names, model: ErrorModel, proof: dict, level: fmpq) -> list[str]:
     for j, N in _own(model).items():
         _refuse(product(product(N.T, P1), N) - factor * factor * P1, names, None, j,
                 f"the contraction {proof['contraction']:.6g} fails")
+    steps = "" if proof.get("period") is None else f"; the plant by Euler steps of {proof['period']:.6g} s"
     return [f"the error of the estimate shrinks at least by {proof['contraction']:.6g} per sample where nothing "
-            "drives it"]
+            f"drives it{steps}"]
 
 
 def _own(model: ErrorModel) -> dict[int, Array]:

@@ -128,18 +128,20 @@ def plain(problem: DescriptorProblem) -> Scaling:
     return Scaling(np.ones(n), np.ones(p), np.ones(n), 1.0)
 
 
-def scaling_of(problem: DescriptorProblem, columns: Array, outputs: Array) -> Scaling:
+def scaling_of(problem: DescriptorProblem, columns: Array, outputs: Array, discrete: bool = False) -> Scaling:
     """Rows and time that bring the pencil near norm 1 in given units of states and outputs.
 
     Parameters
     ----------
     problem : DescriptorProblem
     columns : ndarray (n,), outputs : ndarray (p,)
+    discrete : bool
+        The time of E x+ is the sample.
     """
     size_e = np.linalg.norm(problem.E * columns, axis=1)
     size_a = np.linalg.norm(np.max(np.abs(problem.A), axis=0) * columns, axis=1)
     both = (size_e > 0) & (size_a > 0)
-    time = float(np.exp(np.mean(np.log(size_a[both] / size_e[both])))) if both.any() else 1.0
+    time = float(np.exp(np.mean(np.log(size_a[both] / size_e[both])))) if both.any() and not discrete else 1.0
     size = np.where(size_e > 0, time * size_e, size_a)  # E near norm 1: T1 and T2 are of one size then
     return Scaling(columns, outputs, 1 / np.where(size > 0, size, 1.0), time)
 
