@@ -45,6 +45,8 @@ class ErrorModel:
     pairs : dict
         (i, j) -> A (2n, 2n), B (2n, m + q).
     C : object array (k, 2n), D : object array (k, m + q)
+    residual : object array (p, 2n + m + q) or None
+        r of the standard form.
     """
 
     Ee: Array
@@ -53,6 +55,7 @@ class ErrorModel:
     pairs: dict[Pair, tuple[Array, Array]]
     C: Array
     D: Array
+    residual: Array | None = None
 
 
 def _plant(problem, period) -> dict[str, Array]:
@@ -75,8 +78,9 @@ def standard_errors(problem, gains, T1: Array, period: float | None = None) -> E
         In the units of the plant.
     gains : StandardGains
         T2, F, G, K, C as held.
-    T1 : ndarray (n, n)
-        Near the T1 that is meant: its part on the algebraic rows is free.
+    T1 : ndarray (n, n) or (h, n, n)
+        Near the T1 that is meant, one for all vertices of the observer or one for each: its part on the algebraic rows
+        is free.
     period : float, optional
         Continuous plant, discrete observer: the plant by Euler steps.
 
@@ -87,14 +91,19 @@ def standard_errors(problem, gains, T1: Array, period: float | None = None) -> E
     Raises
     ------
     CertificateError
-        No T1 exists for T2.
+        No T1 exists for T2, or T1 differs between vertices that are tied.
     """
     p = _plant(problem, period)
     held = {key: rational(getattr(gains, key)) for key in ("T2", "F", "G", "K", "C")}
     held["G"] = held["G"] * rational(problem.u_unit)
     n, m = len(p["E"]), p["B"].shape[2]
     S = _columns(left_kernel(problem.E), n)
-    T1, fixed = factors(p["E"], p["C"], S, rational(T1), held["T2"])
+    if np.ndim(T1) == 3 and len(problem.pairs) < len(T1) ** 2:
+        # S' (A_i x + ..) = 0 holds for the weights of the plant as a whole, not for those of one known bit.
+        raise CertificateError(f"certificate: T1 for every vertex with {len(problem.pairs)} pairs of vertices (found), "
+                               f"expected all {len(T1) ** 2}.")
+    own = [factors(p["E"], p["C"], S, rational(M), held["T2"]) for M in np.reshape(T1, (-1, n, n))]
+    fixed = own[0][1]
     # x_hat and r over (eb, x, u, d).
     seen = eye(n) - product(fixed - held["T2"], p["C"])
     none = zeros(n, m)
@@ -106,12 +115,12 @@ def standard_errors(problem, gains, T1: Array, period: float | None = None) -> E
         flow = np.concatenate([zeros(n, n), p["A"][i], p["B"][i], p["Bd"][i]], axis=1)
         step = product(held["F"][j], estimate) - product(held["K"][j], residual)
         step[:, 2 * n:2 * n + m] += held["G"][j]
-        both = np.concatenate([product(T1, flow) - step, flow], axis=0)
+        both = np.concatenate([product(own[j % len(own)][0], flow) - step, flow], axis=0)
         pairs[i, j] = both[:, :2 * n], both[:, 2 * n:]
     state = np.concatenate([zeros(n, n), eye(n), zeros(n, m), zeros(n, p["Bd"].shape[2])], axis=1)
     z = product(p["H"], state - estimate)
     z[:, 2 * n + m:] += p["J"]
-    return ErrorModel(eye(n), p["E"], S, pairs, z[:, :2 * n], z[:, 2 * n:])
+    return ErrorModel(eye(n), p["E"], S, pairs, z[:, :2 * n], z[:, 2 * n:], residual)
 
 
 def direct_errors(problem, gains) -> ErrorModel:

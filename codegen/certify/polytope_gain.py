@@ -72,30 +72,43 @@ def check(problem, gains, proof: dict) -> list[str]:
                                "(found), expected gamma^2 at least that.")
     if proof["time"] not in ("continuous", "discrete"):
         raise CertificateError(f"certificate: time {proof['time']!r} (found), expected continuous or discrete.")
-    judge = _continuous if proof["time"] == "continuous" else _discrete
+    judge = continuous if proof["time"] == "continuous" else _discrete
     claims = judge(problem.names, model, proof, level)
     return [f"H-infinity: from rest the energy of z stays below {proof['gamma']:.6g}^2 times that of inputs and "
             "disturbances, for all weights of plant and observer, however they move", *claims]
 
 
-def _continuous(names, model: ErrorModel, proof: dict, level: fmpq) -> list[str]:
-    Y1, P1 = _storage(model.Ee, model.S if proof["form"] == "direct" else zeros(len(model.E), 0), proof, "1")
-    _, P2 = _storage(model.E, model.S, proof, "2")
+def continuous(names, model: ErrorModel, proof: dict, level: fmpq) -> list[str]:
+    """Check a level and a decay in continuous time; return what is said of the decay.
+
+    Parameters
+    ----------
+    names : sequence of str
+    model : ErrorModel
+    proof : dict
+    level : fmpq
+
+    Raises
+    ------
+    CertificateError
+    """
+    Y1, P1 = storage(model.Ee, model.S if proof["form"] == "direct" else zeros(len(model.E), 0), proof, "1")
+    _, P2 = storage(model.E, model.S, proof, "2")
     n = len(model.E)
     for (i, j), (A, B) in model.pairs.items():
         flow = np.concatenate([A, B], axis=1)
         M = np.concatenate([product(P1.T, flow[:n]), product(P2.T, flow[n:]), zeros(B.shape[1], flow.shape[1])])
-        _refuse(_inequality(M + M.T, model, level), names, i, j, f"the level {float(level) ** 0.5:.6g} fails")
+        refuse(_inequality(M + M.T, model, level), names, i, j, f"the level {float(level) ** 0.5:.6g} fails")
     decay = Q(proof["decay"])
     claims = [f"the error of the estimate decays at least like exp(-{proof['decay']:.6g} t) where nothing drives it"]
     for j, N in _own(model).items():
         M = product(P1.T, N)
         own = M + M.T + 2 * decay * product(product(model.Ee.T, Y1), model.Ee)
-        _refuse(own, names, None, j, f"the decay {proof['decay']:.6g} fails")
+        refuse(own, names, None, j, f"the decay {proof['decay']:.6g} fails")
     if proof.get("euler") is not None:
         for j, N in _own(model).items():
             step = eye(n) + Q(proof["euler"]) * N
-            _refuse(product(product(step.T, P1), step) - P1, names, None, j,
+            refuse(product(product(step.T, P1), step) - P1, names, None, j,
                     f"an Euler step of {proof['euler']:.6g} s does not contract")
         claims.append(f"Euler steps of {proof['euler']:.6g} s contract the error")
     return claims
@@ -116,12 +129,12 @@ def _discrete(names, model: ErrorModel, proof: dict, level: fmpq) -> list[str]:
                 raise CertificateError(f"certificate: R has {R.shape[0]} rows (found), expected {flow.shape[1]}.")
             zero = product(R, product(model.S.T, x))
             M = M + zero + zero.T
-        _refuse(_inequality(M, model, level), names, i, j, f"the level {float(level) ** 0.5:.6g} fails")
+        refuse(_inequality(M, model, level), names, i, j, f"the level {float(level) ** 0.5:.6g} fails")
     factor = Q(proof["contraction"])
     if factor < 0:
         raise CertificateError(f"certificate: contraction {proof['contraction']} (found), expected at least 0.")
     for j, N in _own(model).items():
-        _refuse(product(product(N.T, P1), N) - factor * factor * P1, names, None, j,
+        refuse(product(product(N.T, P1), N) - factor * factor * P1, names, None, j,
                 f"the contraction {proof['contraction']:.6g} fails")
     steps = "" if proof.get("period") is None else f"; the plant by Euler steps of {proof['period']:.6g} s"
     return [f"the error of the estimate shrinks at least by {proof['contraction']:.6g} per sample where nothing "
@@ -143,8 +156,21 @@ def _inequality(M: Array, model: ErrorModel, level: fmpq) -> Array:
     return S
 
 
-def _storage(E: Array, S: Array, proof: dict, which: str) -> tuple[Array, Array]:
-    """Y, positive definite, and P = Y E + S X."""
+def storage(E: Array, S: Array, proof: dict, which: str) -> tuple[Array, Array]:
+    """Y, positive definite, and P = Y E + S X.
+
+    Parameters
+    ----------
+    E : object array (n, n), S : object array (n, n - r)
+    proof : dict
+        "Y" and "X" with the suffix ``which``.
+    which : str
+
+    Raises
+    ------
+    CertificateError
+        Y is not positive definite.
+    """
     Y = _positive(proof["Y" + which], "Y" + which, len(E))
     P = product(Y, E)
     if S.shape[1]:
@@ -162,8 +188,22 @@ def _positive(values, name: str, n: int) -> Array:
     return P
 
 
-def _refuse(S: Array, names, i: int | None, j: int, words: str) -> None:
-    """Raise unless -S is positive definite."""
+def refuse(S: Array, names, i: int | None, j: int, words: str) -> None:
+    """Raise unless -S is positive definite.
+
+    Parameters
+    ----------
+    S : object array (k, k)
+    names : sequence of str
+    i, j : int
+        Vertices of plant (None: any) and observer.
+    words : str
+        What fails.
+
+    Raises
+    ------
+    CertificateError
+    """
     bad = leading_failure(-S)
     if bad is None:
         return

@@ -131,3 +131,45 @@ def discrete_level(model, s: Scaling, S: Array, contraction: float, margin: floa
     free = R.value / units[:, None] / size if S.size else np.zeros((out.shape[1], 0))
     return {"level2": float(level.value), "P1": (P1 / np.outer(s.columns, s.columns)).tolist(),
             "P2": (P2 * np.outer(rows, rows)).tolist(), "R": free.tolist()}
+
+
+def sensitivity_level(model, M: Array, s: Scaling, S: Array, margin: float) -> dict | None:
+    """Largest share of a fault's energy that the weighted residual has at least.
+
+    Parameters
+    ----------
+    model : FaultModel
+        Anything with pairs, C, D, E, moved.
+    M : ndarray (k, p)
+    s : Scaling
+    S : ndarray (n, n - r)
+    margin : float
+
+    Returns
+    -------
+    proof : dict or None
+        "level2", "Y1", and "Y2", "X2" where a fault moves x; None where the solver finds none.
+    """
+    n, rows = len(model.E), s.rows
+    left, right = np.concatenate([1 / (s.columns * s.time), rows]), np.concatenate([s.columns, s.columns])
+    own = Storage(np.eye(n), np.zeros((n, 0)))
+    plant = Storage(s.time * rows[:, None] * _floats(model.E) * s.columns, S / rows[:, None]) if model.moved else None
+    level, conditions = cp.Variable(), [P.Y >> margin * np.eye(n) for P in (own, plant) if P is not None]
+    out = _clean(M @ np.hstack([_floats(model.C) * right, _floats(model.D)]))
+    per_vertex = {j: m for (_, j), m in model.pairs.items()}  # without x the plant's vertex does not matter
+    for A, B in (model.pairs if model.moved else per_vertex).values():
+        flow = np.hstack([_clean(left[:, None] * _floats(A) * right), _clean(left[:, None] * _floats(B))])
+        n_f = B.shape[1]
+        kept = [*range(n), *(range(n, 2 * n) if model.moved else ()), *range(2 * n, 2 * n + n_f)]
+        V = cp.vstack([own.P.T @ flow[:n, kept], *([plant.P.T @ flow[n:, kept]] if model.moved else []),
+                       np.zeros((n_f, len(kept)))])
+        R = out[:, kept].T @ out[:, kept] - np.diag([0.0] * (len(kept) - n_f) + [1.0] * n_f) * level - V - V.T
+        conditions.append((R + R.T) / 2 >> margin * np.eye(len(kept)))
+    if not solve(cp.Problem(cp.Maximize(level), conditions)):
+        return None
+    proof = {"level2": float(level.value),
+             "Y1": (own.values()[0] / np.outer(s.columns, s.columns) / s.time).tolist()}
+    if plant is not None:
+        Y2, X2 = plant.values()
+        proof |= {"Y2": (s.time * np.outer(rows, rows) * Y2).tolist(), "X2": (X2 / s.columns).tolist()}
+    return proof
