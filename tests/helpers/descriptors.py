@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from codegen.descriptors import design_observer
+from codegen.descriptors import design_observer, problem_and_scaling, sampled_observer
 from codegen.plant.load import load
 from codegen.synthesis.descriptor_lmi import Bounds
 from codegen.synthesis.descriptor_problem import DescriptorProblem, kernel_of
@@ -35,6 +35,14 @@ def example(channel: str = "state") -> DescriptorProblem:
 @lru_cache
 def observer(method: str, real: str = "float32", period: float | None = None, **options):
     return design_observer(example(), method, Bounds(GAIN, DECAY, period), real, **options)
+
+
+@lru_cache
+def sampled(name: str, real: str = "float32"):
+    """The sampled observer of a gallery plant, and the limit of Euler steps."""
+    p, s = problem_and_scaling(plant(name))
+    period = plant(name).sample_period
+    return sampled_observer(p, "descriptor-uncertain", Bounds(GAIN, p.slowest() / 2, period), period, real, s)
 
 
 def frozen_gain(problem: DescriptorProblem, gains, pair) -> float:

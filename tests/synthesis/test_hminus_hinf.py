@@ -75,16 +75,13 @@ def test_the_printed_gains_do_not_hold_what_is_printed():
 
 def test_levels_of_the_dossier():
     problem, faults = chapter_4()
-    for beta, free, level in ((0.47, False, 0.3099), (0.47, True, 0.2792)):
-        found = hminus_hinf.design(problem, faults, Bounds(1e4, 0.0), "all", free, np.eye(2) / beta**2)
-        assert beta * found.gamma == pytest.approx(level, abs=6e-5)
-    with pytest.raises(DesignError, match="no observer was found"):  # the bound of |R Df| is .4714
-        hminus_hinf.design(problem, faults, Bounds(1e4, 0.0), "all", False, np.eye(2) / 0.48**2)
+    for free, level in ((False, 0.3099), (True, 0.2792)):
+        found = hminus_hinf.design(problem, faults, Bounds(1e4, 0.0), "all", free, np.eye(2) / 0.47**2)
+        assert 0.47 * found.gamma == pytest.approx(level, abs=6e-5)
     assert made().designed == pytest.approx(0.3938, abs=6e-5)
 
 
-@pytest.mark.parametrize("case", [("all", True, False), ("all", False, False), ("slow", True, False),
-                                  ("all", True, True), ("slow", True, True)])
+@pytest.mark.parametrize("case", [("all", True, False), ("slow", True, False), ("slow", True, True)])
 def test_frequency_response_of_the_certified_detector(case):
     """Sensitivity at every frequency (or at rest) and level of the disturbance, of the rounded constants."""
     (problem, faults), found = chapter_4(case[2]), made(*case)
@@ -103,7 +100,7 @@ def test_frequency_response_of_the_certified_detector(case):
 
 def test_a_slow_criterion_hears_what_the_other_pays_for():
     """All frequencies cost in ratio what a constant fault does not need."""
-    assert made("slow").ratio < made("all").ratio < made("all", False).ratio
+    assert made("slow").ratio < made("all").ratio
     fast = responses(made("slow").gains, *[chapter_4()[0]], chapter_4()[1].Bf[0], chapter_4()[1].Df, 0, [1e5])[0]
     assert np.linalg.norm(made("slow").M @ fast) < 0.95 * made("slow").beta  # and it promises nothing there
 
