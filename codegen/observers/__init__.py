@@ -1,11 +1,14 @@
 """Run-time families: one recursion per file, the numpy step that the C must equal bit for bit."""
 
+from .blocks import BlockObserver, BlockTables
+from .box import BoxObserver, BoxTables
 from .coordinates import Coordinates
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
 from .framer import FramerTables, Variation
 from .interval import IntervalObserver
 from .point import PointObserver, PointTables
 from .runner import Runner
+from .schedule import ScheduleObserver, ScheduleTables
 from .supervisor import Supervision
 from .thresholds import ThresholdObserver, ThresholdTables
 from .tnl import TnlObserver
@@ -13,8 +16,11 @@ from .trace import PointTrace, Trace
 from .zonotope import ZonotopeObserver, ZonotopeTables
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
-            "thresholds": ThresholdObserver, "ellipsoid": EllipsoidObserver}
+            "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
+            "ellipsoid": EllipsoidObserver, "box": BoxObserver}
 
-__all__ = ["FAMILIES", "Coordinates", "EllipsoidObserver", "EllipsoidTables", "FramerTables", "IntervalObserver",
-           "PointObserver", "PointTables", "PointTrace", "Runner", "Supervision", "ThresholdObserver",
-           "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver", "ZonotopeTables"]
+__all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
+           "EllipsoidTables", "FramerTables", "IntervalObserver", "PointObserver", "PointTables", "PointTrace", "Runner",
+           "ScheduleObserver", "ScheduleTables", "Supervision",
+           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver",
+           "ZonotopeTables"]

@@ -71,9 +71,9 @@ METHODS = {
                         "Zammali (2020), Theorem 21", ellipsoid, automatic=False),
 }
 #: Options of every method with an error set.
-SETS = {"set": ("zonotope", "ellipsoid"), "order": (2, 200), "tables": ("none", "dwell"), "rows": (1, 200),
-        "stages": (3, 50), "directions": (2, 64),
-        "gains": dict}
+SETS = {"set": ("zonotope", "ellipsoid", "interval"), "order": (2, 200),
+        "tables": ("none", "schedule", "dwell", "arbitrary"), "rows": (1, 200), "stages": (3, 50),
+        "directions": (2, 64), "gains": dict}
 
 
 def known_options(methods: list[str]) -> dict:
