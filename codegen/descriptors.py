@@ -178,10 +178,14 @@ def designed(problem: DescriptorProblem, method: str, bounds: Bounds, s: Scaling
     Raises
     ------
     DesignError
-        The method is unknown, or no observer exists within the bounds.
+        The method is unknown or of the other time, or no observer exists within the bounds.
     """
     if method not in DESIGNS:
         raise DesignError(f"method is {method!r}, expected one of {', '.join(DESIGNS)}.")
+    needed = "discrete" if method == "descriptor-discrete" else "continuous"
+    if problem.kind not in ("", needed):
+        raise DesignError(f"{method}: the plant is {problem.kind} (found), expected {needed}. Take "
+                          f"{'descriptor-discrete' if problem.kind == 'discrete' else 'another method'}.")
     asked = replace(bounds, decay=(1 + SPARE) * bounds.decay / s.time,
                     period=None if bounds.period is None else (1 + SPARE) * bounds.period * s.time)
     return DESIGNS[method].design(scaled(problem, s), asked, **options)

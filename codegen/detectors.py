@@ -100,6 +100,8 @@ def design_detector(problem: DescriptorProblem, faults: Faults, bounds: Bounds, 
     CertificateError
         The exact check refuses every level.
     """
+    if problem.kind == "discrete":
+        raise DesignError("hminus-hinf: the plant is discrete (found), expected continuous.")
     s = plain(problem) if s is None else s
     asked = replace(bounds, decay=(1 + SPARE) * bounds.decay / s.time)
     inside = Faults(s.rows[:, None] * faults.Bf, faults.Df / s.outputs[:, None])

@@ -74,8 +74,10 @@ def check(problem, gains, proof: dict) -> list[str]:
         raise CertificateError(f"certificate: time {proof['time']!r} (found), expected continuous or discrete.")
     judge = continuous if proof["time"] == "continuous" else _discrete
     claims = judge(problem.names, model, proof, level)
+    tied = len(problem.pairs) < len(problem.names) ** 2
     return [f"H-infinity: from rest the energy of z stays below {proof['gamma']:.6g}^2 times that of inputs and "
-            "disturbances, for all weights of plant and observer, however they move", *claims]
+            "disturbances, for all weights of plant and observer, however they move"
+            + (", the same in both for what is known exactly" if tied else ""), *claims]
 
 
 def continuous(names, model: ErrorModel, proof: dict, level: fmpq) -> list[str]:

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..algebra.program import LIBM, TRUTHS, Program
-from ..observers.polytopic import PolytopicTables
+from ..observers.polytopic import LIBM, TRUTHS, PolytopicTables, Program
 from .cprint import C_TYPE, Term, check_prefix, count_operations, literal, paragraph, product, sum_lines
 from .manual import Channel, channels
 from .parts import Operations

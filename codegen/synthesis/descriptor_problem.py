@@ -39,6 +39,8 @@ class DescriptorProblem:
         (vertex of the plant, vertex of the observer).
     u_unit : ndarray (m,), d_unit : ndarray (q,)
         What u and d are measured in; B, Bd, Dd and J are for their own units.
+    kind : {"continuous", "discrete", ""}
+        Of the plant; empty where it is not told.
     """
 
     names: tuple[str, ...]
@@ -54,6 +56,7 @@ class DescriptorProblem:
     pairs: tuple[tuple[int, int], ...]
     u_unit: Array
     d_unit: Array
+    kind: str = ""
 
     @property
     def sizes(self) -> tuple[int, int, int, int, int]:
@@ -204,7 +207,7 @@ def problem_of(plant, channel: str = "state") -> DescriptorProblem:
         H, J = p.C / unit["y"][:, None], Dd / unit["y"][:, None]
     return DescriptorProblem(tuple(v.name for v in p.vertices), p.E, np.array([v.A for v in p.vertices]),
                              np.array([v.B for v in p.vertices]), Bd, p.C, Dd, H, J, kernel_of(p.E), pairs_of(plant),
-                             unit["u"], np.concatenate([unit["w"], unit["v"]]))
+                             unit["u"], np.concatenate([unit["w"], unit["v"]]), plant.kind)
 
 
 def kernel_of(E: Array) -> Array:
@@ -230,6 +233,8 @@ def sizes(lo: Array, hi: Array) -> Array:
 
 def pairs_of(plant) -> tuple[tuple[int, int], ...]:
     """Vertices that plant and observer can be at together.
+
+    Where they share a bit, the proof takes it that both compute the same weight of it, without rounding.
 
     Parameters
     ----------

@@ -185,5 +185,7 @@ def test_a_discrete_plant_file_is_designed_as_it_is():
     found = design_observer(problem, "descriptor-discrete", Bounds(10.0, 0.01), "float32", s)
     again, _ = sampled("dlpv")
     assert found.gamma < 1.05 * again.gamma and found.proof["contraction"] < np.exp(-0.01)
+    with pytest.raises(DesignError, match="the plant is discrete .found., expected continuous"):
+        design_observer(problem, "descriptor-direct", Bounds(10.0, 0.01), s=s)
     with pytest.raises(DesignError, match="expected one of plant, disturbance"):
         design_observer(problem, "descriptor-discrete", Bounds(10.0, 0.01), s=s, mismatch="other")
