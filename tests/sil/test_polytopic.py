@@ -26,6 +26,7 @@ from codegen.plant.weight_program import weight_program
 from codegen.polytopic_firmware import print_c, tables_of
 from codegen.synthesis.descriptor_gains import StandardGains
 
+need("gcc")
 POLYTOPIC = [name for name in gallery_names() if load(name).polytope is not None]
 DESIGNED = ["disc", "dlpv"]
 REALS = ["float32", "float64"]

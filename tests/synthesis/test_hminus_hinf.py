@@ -79,6 +79,9 @@ def test_the_printed_gains_do_not_hold_what_is_printed():
 
 def test_levels_of_the_dossier():
     assert made().designed == pytest.approx(0.3938, abs=6e-5)
+    problem, faults = chapter_4()
+    found = hminus_hinf.design(problem, faults, Bounds(1e4, 0.0), "all", False, np.eye(2) / 0.47**2)
+    assert 0.47 * found.gamma == pytest.approx(0.3099, abs=6e-5)  # one T1 for all vertices, beta = .47
 
 
 @pytest.mark.parametrize("case", [("all", True, False), ("slow", True, False), ("slow", True, True)])
