@@ -255,8 +255,8 @@ def check_assurance(folder) -> dict:
     from .assurance import document
 
     if not is_stated(folder):
-        raise CertificateError(f"{folder}: a point observer (found), expected a pair of framers: assurance.json is "
-                               "made for these alone. residua certify re-checks the claims of the design.")
+        raise CertificateError(f"{folder}: of a family whose C is not read back (found), expected one that is: "
+                               "assurance.json is made for these alone. residua certify re-checks the claims.")
     return document.verify(folder, read_checked(folder))
 
 

@@ -24,13 +24,16 @@ from .observers import (
     ZonotopeTables,
 )
 from .observers.ellipsoid import sandwich
+from .observers.zonotope import set_work
 from .plant.model import Plant
 from .set_simulation import settled, simulated
+from .trace_sets import traced
 
 Array = np.ndarray
 #: Set in the options where the plant file says nothing.
 ORDER_MARGIN = 1.05  # widths over those of a large order
 MOST_COLUMNS = 24  # generators of the largest order that is tried without being asked for
+MOST_WORK = 8000  # multiplications per sample up to which membership of three residuals is exact without being asked
 STEPS = 60
 WEIGHTS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.5, 5.0, 10.0)  # 1 + alpha of an ellipsoid's step
 ROWS = (4, 8, 16, 32)  # of a table of thresholds
@@ -38,12 +41,13 @@ STAGES = (3, 5, 8, 12, 20, 32)
 TABLE_MARGIN = 1.1  # last thresholds over those that no number of stages leads below
 
 
-def draft(plant: Plant, gains: dict, order: int, limit: Array, real: str, directions: Array) -> PointTables:
+def draft(plant: Plant, gains: dict, order: int, limit: Array, real: str, directions: Array,
+          pairs: bool = False) -> PointTables:
     """Tables with a sound set of that order, before anything is certified."""
     modes = plant.observed.modes
     limits = {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
     estimate = freeze_estimate(modes, limits, gains, limit, real)
-    return PointTables(**estimate, shape=freeze_zonotope(ZonotopeTables, modes, estimate, order, directions))
+    return PointTables(**estimate, shape=freeze_zonotope(ZonotopeTables, modes, estimate, order, directions, pairs))
 
 
 def sized(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
@@ -92,8 +96,28 @@ def sized(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
         raise DesignError(f"{plant.name}: the set of order {orders[-1]} grows without bound or by more than 5 % beyond "
                           "that of many generators, expected it to settle. Raise observer.order, declare a dwell time, "
                           "or take gains that decay faster.")
-    return {"set": "zonotope", "order": order, "limit": 1.25 * np.max(widths, axis=(0, 1)),
-            "directions": directions(plant, t, gains)}
+    pairs = by_pairs(plant, t, options)
+    return {"set": "zonotope", "order": order, "limit": 1.25 * np.max(widths, axis=(0, 1)), "pairs": pairs,
+            "directions": none if pairs else directions(plant, t, gains)}
+
+
+def by_pairs(plant: Plant, t: PointTables, options: dict) -> bool:
+    """Whether membership goes by the normals of all pairs of generators: asked for, or cheap enough for three outputs.
+
+    Raises
+    ------
+    DesignError
+        Asked for with more than three outputs.
+    """
+    asked = options.get("membership", "auto")
+    if asked == "exact" and plant.n_y > 3:
+        raise DesignError(f'{plant.name}: observer.membership is "exact" with {plant.n_y} outputs (found), expected at '
+                          'most 3: the faces of the set are too many. Use membership = "directions".')
+    if plant.n_y != 3 or asked == "directions":
+        return False
+    z = t.shape
+    work = set_work(plant.n_x, 3, z.order, z.F.shape[3], z.V.shape[3], 0, True)
+    return asked == "exact" or work.multiply <= MOST_WORK
 
 
 def tabulated(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
@@ -191,6 +215,7 @@ def weighted(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     gains : dict
         "L", "N", "kind".
     options : dict
+        "weights": "trace" for those that the firmware chooses.
     dwell : int
 
     Returns
@@ -202,6 +227,8 @@ def weighted(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     DesignError
         The set grows without bound for every weight.
     """
+    if options.get("weights") == "trace":
+        return aimed(plant, gains, traced(plant, gains, dwell))
     half = np.max([(plant.limits("x")[1] - plant.limits("x")[0]) / 2, (plant.x0_hi - plant.x0_lo) / 2], axis=0)
     paths, found = np.array(patterns(plant.n_modes, dwell, STEPS)), None
     base = {"set": "ellipsoid", "limit": 8 * np.sqrt(plant.n_x) * half, "directions": np.zeros((0, plant.n_y)),
@@ -222,11 +249,16 @@ def weighted(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     steady = {"x": np.sqrt(X[late].min(axis=(0, 1))), "x_most": np.sqrt(X.max(axis=(0, 1))),
               "y": np.sqrt(R[late].min(axis=(0, 1))), "y_most": np.sqrt(R.max(axis=(0, 1)))}
     tried |= {"steady": steady, "limit": np.maximum(1.25 * steady["x_most"], 1.25 * np.sqrt(plant.n_x) * half)}
-    if plant.n_y > 2:
-        spare = gains | {"order": None}
-        t = draft(plant, spare, 2 * plant.n_x + plant.n_w + plant.n_v, 1e3 * half, "float64", base["directions"])
-        tried["directions"] = directions(plant, t, gains)
-    return tried
+    return aimed(plant, gains, tried)
+
+
+def aimed(plant: Plant, gains: dict, chosen: dict) -> dict:
+    """The same choice with directions of the membership test, where it needs any."""
+    if plant.n_y <= 2:
+        return chosen
+    most = 1e3 * np.maximum(plant.limits("x")[1] - plant.limits("x")[0], plant.x0_hi - plant.x0_lo)
+    t = draft(plant, gains, 2 * plant.n_x + plant.n_w + plant.n_v, most, "float64", np.zeros((0, plant.n_y)))
+    return chosen | {"directions": directions(plant, t, gains)}
 
 
 def followed(t: PointTables, half: Array, paths: Array) -> tuple[Array, Array]:

@@ -85,7 +85,7 @@ def schedule_table(m: ErrorRecursion, lead: Sequence[int], cycle: Sequence[int],
 
 @dataclass(frozen=True)
 class PhaseTable:
-    """T1 for firmware that may start at any phase of the schedule, and has lost it where a mode is not the expected one.
+    """T1 for firmware that may start at any phase of the schedule: where a mode is not the expected one it starts anew.
 
     Parameters
     ----------

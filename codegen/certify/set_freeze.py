@@ -11,7 +11,7 @@ from ..errors import CertificateError
 from .exact import Q, down, eye, product, rational, up
 from .freeze import nearest
 from .rounding import UNIT
-from .sets import SetDemands, ZonotopeDemands
+from .sets import SetDemands, ZonotopeDemands, column
 
 Array = np.ndarray
 #: Conditions "stored >= needed" of a zonotope's tables: name, and what it is.
@@ -69,7 +69,7 @@ def _closed(mode, L: Array, N: Array, real: str) -> tuple[Array, Array]:
     return keep(M, size), product(T, rational(mode.B)) - product(L, rational(mode.D))
 
 
-def freeze_zonotope(shape_class, modes, estimate: dict, order: int, directions: Array):
+def freeze_zonotope(shape_class, modes, estimate: dict, order: int, directions: Array, pairs: bool = False):
     """Build the tables of a zonotope for an estimate.
 
     Parameters
@@ -83,6 +83,8 @@ def freeze_zonotope(shape_class, modes, estimate: dict, order: int, directions: 
         l, columns after a reduction.
     directions : ndarray (m, n_y)
         Of the membership test; read for more than two outputs.
+    pairs : bool
+        Membership by the normals of all pairs of generators.
 
     Returns
     -------
@@ -94,8 +96,9 @@ def freeze_zonotope(shape_class, modes, estimate: dict, order: int, directions: 
     n_x, n_y = len(t.box), t.C.shape[1]
     scale = 2.0 ** -np.round(2 * np.log2(np.maximum(t.limit.astype(float), 1e-30)))  # exact: no rounding in the keys
     scale = scale / scale.max()
-    given = {"order": order, "weight": scale.astype(real), "directions": nearest(directions, real).reshape(-1, n_y),
-             "e": np.zeros(n_x, real), "spread": None, "rho": None, "slack": None, "floor": None, **columns}
+    given = {"order": order, "pairs": pairs, "weight": scale.astype(real),
+             "directions": nearest(directions, real).reshape(-1, n_y), "e": np.zeros(n_x, real), "spread": None,
+             "rho": None, "slack": None, "floor": None, **columns}
     for _ in range(4):  # e enters its own rounding, by parts in a million
         given["e"] = raised(ZonotopeDemands(demands, SimpleNamespace(**given, columns=order + columns["F"].shape[3]))
                             .error_box(), real)
@@ -172,6 +175,8 @@ def check_zonotope(modes, t, cert: dict) -> list[str]:
     if not len(t.box) <= t.shape.order == cert["order"]:
         raise CertificateError(f"certificate: order {t.shape.order} (found), expected {cert['order']}, at least the "
                                f"{len(t.box)} states.")
+    if t.shape.pairs:
+        _check_cubes(t, exact)
     for name, found in demands.columns().items():
         if found.shape != getattr(t.shape, name).shape:
             raise CertificateError(f"certificate: {name} has shape {getattr(t.shape, name).shape} (found), expected "
@@ -204,6 +209,19 @@ def check_zonotope(modes, t, cert: dict) -> list[str]:
         claims.append(f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], for arbitrary "
                       "switching")
     return claims
+
+
+def _check_cubes(t, exact: ZonotopeDemands) -> None:
+    """Check that products of three residuals, and sums of them, cannot overflow: infinity would be a false alarm."""
+    if t.C.shape[1] != 3:
+        raise CertificateError(f"certificate: pairs of generators with {t.C.shape[1]} residuals (found), expected 3.")
+    most = max(Q(1), *(x for q, C in enumerate(exact.of.C) for x in
+                       product(abs(C), column(exact.reach)).ravel() + np.max(abs(rational(t.shape.V[q])).sum(axis=2),
+                                                                            axis=0) + rational(t.shape.rho[q])),
+               *(abs(Q(x)) for x in np.concatenate([t.y_lo, t.y_hi])))
+    if 64 * most**3 >= Q(np.finfo(t.real).max) / 2:
+        raise CertificateError("certificate: products of three residuals may overflow "
+                               f"(residuals up to {float(most):.3g}).")
 
 
 def _check_reach(t, share: float = 1.0) -> None:

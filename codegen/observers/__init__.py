@@ -4,6 +4,7 @@ from .blocks import BlockObserver, BlockTables
 from .box import BoxObserver, BoxTables
 from .coordinates import Coordinates
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
+from .ellipsoid_trace import EllipsoidTraceObserver, TraceTables
 from .framer import FramerTables, Variation
 from .interval import IntervalObserver
 from .point import PointObserver, PointTables
@@ -17,10 +18,10 @@ from .zonotope import ZonotopeObserver, ZonotopeTables
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
-            "ellipsoid": EllipsoidObserver, "box": BoxObserver}
+            "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver}
 
 __all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
-           "EllipsoidTables", "FramerTables", "IntervalObserver", "PointObserver", "PointTables", "PointTrace", "Runner",
-           "ScheduleObserver", "ScheduleTables", "Supervision",
-           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver",
-           "ZonotopeTables"]
+           "EllipsoidTables", "EllipsoidTraceObserver", "FramerTables", "IntervalObserver", "PointObserver",
+           "PointTables", "PointTrace", "Runner", "ScheduleObserver", "ScheduleTables", "Supervision",
+           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables", "Variation",
+           "ZonotopeObserver", "ZonotopeTables"]

@@ -11,7 +11,9 @@ At sample k, from estimate, generators H, input, output and mode p of sample k-1
 Source: Zammali (2020), 6.2.3, Algorithms 1 and 2, as corrected in ``synthesis``. No measurement enters H. Columns are
 selected by repeated maximum with a swap, by a strict > from the lowest index on: the number of compares does not
 depend on data. Membership needs no linear program: |r| <= bound for one output; for two, the normals of all
-generators; for more, the coordinates and directions chosen offline, which never alarm falsely.
+generators; for three, where that many multiplications are accepted, the normals of all pairs of generators, with unit
+vectors among them (a flat set would else be taken for the strip around it); else the coordinates and directions chosen
+offline, which never alarm falsely.
 """
 
 from __future__ import annotations
@@ -45,8 +47,10 @@ class ZonotopeTables:
         What the bounds of x have beyond the generators.
     rho : ndarray (N, n_y)
         Box beside the generators of the residual: rounding.
+    pairs : bool
+        For three outputs: membership by the normals of all pairs.
     directions : ndarray (m, n_y)
-        For more than two outputs.
+        For more than two outputs where it is not.
     slack, floor : ndarray ()
         Relative and absolute rounding of the membership test.
     """
@@ -59,6 +63,7 @@ class ZonotopeTables:
     e: Array
     spread: Array
     rho: Array
+    pairs: bool
     directions: Array
     slack: Array
     floor: Array
@@ -87,7 +92,57 @@ class ZonotopeTables:
                 size = tuple(0 if s == -1 else s for s in size)
             return value.reshape(size).astype(real)
 
-        return cls(order=int(data["order"]), **{name: shaped(name) for name in shapes})
+        return cls(order=int(data["order"]), pairs=bool(data["pairs"]), **{name: shaped(name) for name in shapes})
+
+
+@dataclass(frozen=True)
+class SetWork:
+    """What the set of an observer costs in a sample, the estimate apart.
+
+    Parameters
+    ----------
+    multiply, add, compare : int
+        Operations of the dearest sample, which is one without a fault.
+    words : int
+        Numbers of the state.
+    """
+
+    multiply: int
+    add: int
+    compare: int
+    words: int
+
+
+def set_work(n_x: int, n_y: int, order: int, added: int, noises: int, directions: int = 0,
+             pairs: bool = False) -> SetWork:
+    """Count reduction, carrying of the generators, bounds of x and membership.
+
+    Parameters
+    ----------
+    n_x, n_y : int
+    order : int
+        l >= n_x.
+    added, noises : int
+        Columns of F and of V.
+    directions : int
+        Rows of the template; read for more than two outputs.
+    pairs : bool
+        Membership by the normals of all pairs, for three outputs.
+
+    Returns
+    -------
+    work : SetWork
+    """
+    columns, kept = order + added, order - n_x
+    terms = columns + noises
+    crossed = (terms + 3) * (terms + 2) // 2 if pairs else 0
+    rows = crossed or {1: 0, 2: terms}.get(n_y, directions)
+    each = rows * (n_y * terms + 2 * n_y) + n_y * bool(rows)
+    multiply = 6 * crossed + 2 * n_x * columns + n_x * n_x * (kept + 1) + n_y * n_x * columns + n_y + each
+    add = (3 * crossed + n_x * columns + n_x * (columns - kept) + n_x * (n_x - 1) * kept + n_y * (n_x - 1) * columns
+           + n_x * columns + n_y * (terms + 1) + each)
+    compare = kept * columns - kept * (kept + 1) // 2 + n_x * columns + n_y * terms + rows * (terms + n_y + 2)
+    return SetWork(multiply, add, compare, n_x * columns)
 
 
 def reduced(z: ZonotopeTables, H: Array) -> tuple[Array, Array]:
@@ -181,6 +236,8 @@ class ZonotopeObserver(PointObserver):
         margin = rho + z.slack * bound
         if r.shape[1] == 2:
             D = np.stack([-R[:, 1], R[:, 0]], axis=2)  # normals of the generators
+        elif z.pairs:
+            D = crossed(R)
         else:
             D = np.broadcast_to(z.directions, (len(r), *z.directions.shape))
         value, least = D[:, :, 0] * r[:, 0, None], z.floor + np.abs(D[:, :, 0]) * margin[:, 0, None]
@@ -193,3 +250,11 @@ class ZonotopeObserver(PointObserver):
                 along = along + D[:, :, i] * R[:, i, j, None]
             least = least + np.abs(along)
         return bound, np.concatenate([raw, ~(np.abs(value) <= least).all(axis=1)[:, None]], axis=1)
+
+
+def crossed(R: Array) -> Array:
+    """Normals of all pairs of generators and unit vectors of three residuals: (S, 3, g) -> (S, k, 3)."""
+    unit = np.broadcast_to(np.eye(3, dtype=R.dtype), (len(R), 3, 3))
+    a, b = (np.concatenate([R, unit], axis=2)[:, :, at] for at in np.triu_indices(R.shape[2] + 3, 1))
+    return np.stack([a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1], a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2],
+                     a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]], axis=2)

@@ -40,6 +40,9 @@ from codegen.certify.block_bounds import block_needs
 from codegen.certify.schedule_bounds import prove_schedule
 from codegen.certify.set_bounds import prove_dwell
 from codegen.errors import CertificateError, DesignError
+from codegen.observers import FAMILIES, Supervision
+from codegen.plant.load import load
+from codegen.points import certified, choice_of
 
 FAN = zonotope.fan(8)
 
@@ -111,6 +114,30 @@ def test_dwell_and_block_tables_are_as_tight_as_promised(recursion20):
     assert mean["T2"] < 1.10 and mean["T3"] < 1.07  # promised: 1.10 and 1.11
     assert mean["T4"] == pytest.approx(1.5, abs=.06)
     assert min(np.min(v) for v in found.values()) > 1 - 1e-9
+
+
+@pytest.mark.parametrize("options, most", [({"tables": "dwell", "rows": 12, "stages": 3}, 1.10),
+                                           ({"tables": "arbitrary", "rows": 12, "order": 5}, 1.11)])
+def test_what_the_target_holds_is_as_tight_as_promised(options, most, gains20, recursion20):
+    """The same on the certified numbers of the C, in float32, where the set that is reduced at every sample has 1.5."""
+    plant = load("zammali_dwell")
+    gains = {"L": gains20, "N": np.zeros((3, 3, 2)), "kind": "luenberger"}
+    gains |= choice_of(options, "zonotope")(plant, gains, options, 6)
+    t, cert = certified(plant, gains, {"kind": "none"}, "float32")
+    observer, rng, found, every = FAMILIES[cert["set"]]({"float32": t}, Supervision()), np.random.default_rng(1), [], []
+    D, none = t.shape.directions.astype(float), np.zeros(1, dtype=int)
+    assert len(D) == 8
+    for _ in range(8):
+        path, h = random_path(rng, 3, 6, 60), []
+        at = observer.whole(t, np.zeros((1, 3)), True)
+        for k, q in enumerate(np.array(path)[:, None]):
+            at = observer.moved(t, np.array(path[k - 1:k]), q, none, at, True) if k else at
+            h.append(t.shape.h[observer._row(t, q, at)][0] if hasattr(t.shape, "h") else
+                     observer.reach(t, q, none, at)[0, :8])
+        exact = residual_sets.thresholds(recursion20, path, H62, D)
+        found.append(ratios(np.array(h, dtype=float), exact))
+        every.append(ratios(residual_sets.thresholds(recursion20, path, H62, D, 5), exact))
+    assert 1.0 < np.mean(found) < most and np.min(found) > 1.0 and np.mean(every) == pytest.approx(1.5, abs=.06)
 
 
 def test_dwell_table_of_fast_gains():
