@@ -246,30 +246,9 @@ static int framers_are_cut(void)
     return 0;
 }
 
-/* A set spoilt in memory, even to NaN, starts again from the declared range; counts beyond the tables read no others. */
+/* A set spoilt in memory, even to NaN, starts again from the declared range. */
 static int framers_at_the_ends(void)
 {
-#if CASE_N_COUNTS > 0
-    for (uint32_t n = 0U; n < (CASE_N_COUNTS * 3U * M(MODES)); n++)
-    {
-        bench b;
-        uint32_t *counts[] = CASE_COUNTS(&b.s);
-
-        start(&b);
-        CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
-        b.s.phase = (n / CASE_N_COUNTS) % 3U;
-        b.in.mode = n / (3U * CASE_N_COUNTS);
-        *counts[n % CASE_N_COUNTS] = 0xFFFFFFFEU;
-        for (uint32_t call = 0U; call < 3U; call++)
-        {
-            CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
-            for (uint32_t i = 0U; i < M(NX); i++)
-            {
-                CHECK((b.out.x_hi[i] - b.out.x_lo[i]) > 0);
-            }
-        }
-    }
-#endif
 #if CASE_HAS_SHAPE
     for (uint32_t n = 0U; n < M(NSHAPE); n++)
     {

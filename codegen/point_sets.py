@@ -6,12 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from .algebra.zonotope import best_direction, fan
+from .algebra.bases import bases
+from .algebra.zonotope import KEYS, best_direction, fan
 from .analysis.set_tables import dwell_table
 from .box_sets import boxed
 from .certify import thresholds
 from .certify.ellipsoids import freeze_ellipsoid
 from .certify.order import patterns
+from .certify.reduction import box_certificate, every_sample
 from .certify.set_freeze import freeze_estimate, freeze_zonotope
 from .errors import DesignError
 from .observers import (
@@ -41,13 +43,14 @@ STAGES = (3, 5, 8, 12, 20, 32)
 TABLE_MARGIN = 1.1  # last thresholds over those that no number of stages leads below
 
 
-def draft(plant: Plant, gains: dict, order: int, limit: Array, real: str, directions: Array,
-          pairs: bool = False) -> PointTables:
+def draft(plant: Plant, gains: dict, order: int, limit: Array, real: str, directions: Array, pairs: bool = False,
+          key: str = "squared", coordinates: Array | None = None) -> PointTables:
     """Tables with a sound set of that order, before anything is certified."""
     modes = plant.observed.modes
     limits = {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
     estimate = freeze_estimate(modes, limits, gains, limit, real)
-    return PointTables(**estimate, shape=freeze_zonotope(ZonotopeTables, modes, estimate, order, directions, pairs))
+    return PointTables(**estimate, shape=freeze_zonotope(ZonotopeTables, modes, estimate, order, directions, pairs, key,
+                                                             coordinates))
 
 
 def sized(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
@@ -66,7 +69,7 @@ def sized(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     Returns
     -------
     dict
-        "order", "limit", "directions".
+        "order", "limit", "directions", "dwell", and of the reduction "pairs", "key", "coordinates".
 
     Raises
     ------
@@ -77,28 +80,50 @@ def sized(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     paths = np.array(patterns(plant.n_modes, dwell, STEPS))
     none = np.zeros((0, plant.n_y))
 
-    def tried(order: int) -> tuple[PointTables, Array]:
-        t = draft(plant, gains, order, 1e3 * half, "float64", none)
+    def tried(order: int, key: str = "squared", T: Array | None = None) -> tuple[PointTables, Array]:
+        t = draft(plant, gains, order, 1e3 * half, "float64", none, False, key, T)
         return t, simulated(t, half, paths, ZonotopeObserver)
 
     orders = [int(options["order"])] if "order" in options else range(plant.n_x + 1, MOST_COLUMNS + 1)
     if orders[0] <= plant.n_x:
         raise DesignError(f"{plant.name}: observer.order is {orders[0]} (found), expected at least {plant.n_x + 1}: "
                           "one more than the states, for the box and a generator that is kept.")
-    best = settled(tried(2 * MOST_COLUMNS)[1])
-    for order in orders:
-        t, widths = tried(order)
-        steady = settled(widths)
-        if steady is not None and ("order" in options or np.all(steady <= ORDER_MARGIN * best + 1e-12 * half)):
+    t, widths = tried(2 * MOST_COLUMNS)
+    best, M = settled(widths), t.M
+    ways = reductions(M, dwell)
+    # A proof that nothing grows comes first, whatever the order; then what settles in simulation, in x alone.
+    for key, T in [way for way, proved in ways if proved] + [w for w, proved in ways if not proved and w[1] is None]:
+        for order in orders if best is not None else ():
+            t, widths = tried(order, key, T)
+            steady = settled(widths)
+            if steady is not None and ("order" in options or np.all(steady <= ORDER_MARGIN * best + 1e-12 * half)):
+                return chosen(plant, gains, options, dwell, t, widths, {"key": key, "coordinates": T})
+    radii = [max(abs(np.linalg.eigvals(np.abs(A)))) for A in M]
+    worst = int(np.argmax(radii))
+    raise DesignError(f"{plant.name}: the set of order {orders[-1]} grows without bound or by more than 5 % beyond "
+                      f'that of many generators, expected it to settle (mode "{plant.modes[worst].name}" has spectral '
+                      f"radius {radii[worst]:.3g} of |A - L C|; in {len(ways)} coordinates and keys no set is proved "
+                      "to settle). Raise observer.order, declare a dwell time, or take gains that decay faster.")
+
+
+def reductions(M: Array, dwell: int) -> list[tuple[tuple[str, Array | None], bool]]:
+    """Keys and coordinates of the reduction, and whether no order grows in them: those of x first."""
+    out = []
+    for _, T in bases(M):
+        proved = box_certificate(M, every_sample(len(M), dwell), T) is not None
+        out += [((key, T), proved) for key in KEYS]
+        if T is None and proved:
             break
-        t = None
-    if t is None or best is None:
-        raise DesignError(f"{plant.name}: the set of order {orders[-1]} grows without bound or by more than 5 % beyond "
-                          "that of many generators, expected it to settle. Raise observer.order, declare a dwell time, "
-                          "or take gains that decay faster.")
+    return out
+
+
+def chosen(plant: Plant, gains: dict, options: dict, dwell: int, t: PointTables, widths: Array,
+           reduction: dict) -> dict:
+    """What ``sized`` returns, once order and coordinates are known."""
     pairs = by_pairs(plant, t, options)
-    return {"set": "zonotope", "order": order, "limit": 1.25 * np.max(widths, axis=(0, 1)), "pairs": pairs,
-            "directions": none if pairs else directions(plant, t, gains)}
+    return {"set": "zonotope", "order": t.shape.order, "limit": 1.25 * np.max(widths, axis=(0, 1)), "dwell": dwell,
+            "reduction": {"pairs": pairs, **reduction},
+            "directions": np.zeros((0, plant.n_y)) if pairs else directions(plant, t, gains)}
 
 
 def by_pairs(plant: Plant, t: PointTables, options: dict) -> bool:

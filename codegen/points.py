@@ -18,6 +18,7 @@ from .point_sets import draft, with_ellipsoid
 from .synthesis.ellipsoid import no_tnl
 from .synthesis.point import PointGains
 from .synthesis.refit import refit
+from .synthesis.set_options import check_set_options
 from .table_sets import CHOICES, TABLES
 from .trace_sets import with_trace
 
@@ -41,8 +42,8 @@ def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple[PointT
     if gains["set"] in TABLES:
         t, sources = TABLES[gains["set"]](plant, gains, real)
         return t, set_claims.prove(plant.observed.modes, t, proof, resolve, sources, gains["set"])
-    t = draft(plant, gains, gains["order"], gains["limit"], real, gains["directions"], gains["pairs"])
-    return t, set_claims.prove(plant.observed.modes, t, proof, resolve)
+    t = draft(plant, gains, gains["order"], gains["limit"], real, gains["directions"], **gains["reduction"])
+    return t, set_claims.prove(plant.observed.modes, t, proof, resolve, dwell=gains["dwell"])
 
 
 def choice_of(options: dict, family: str) -> Callable[[Plant, dict, dict, int], dict]:
@@ -97,6 +98,7 @@ def explore(plant: Plant, module, family: str, options: dict,
     CertificateError
         Gains were found, none survives rounding.
     """
+    check_set_options(plant.name, options, family, plant.n_y)
     failure, made = None, []
     for c in candidates(plant, module, options, lambda text: progress(f"{text} ({len(made)} certified)")):
         gains = {"L": c.L, "N": c.N, "kind": c.kind}

@@ -28,11 +28,15 @@ class Reduced:
     """
 
     def __init__(self, t):
-        z = t.shape
+        z, n = t.shape, len(t.box)
         self.m = of_tables(t.M, t.C, z.F, z.V)
         self.e, self.rho, self.slack = z.e.astype(float), z.rho.astype(float), float(z.slack)
-        self.root = np.sqrt(z.weight.astype(float))
-        self.kept = z.order - len(self.e)
+        weight = z.weight.astype(float)
+        self.key, self.root = z.key, np.sqrt(weight) if z.key == "squared" else weight
+        self.kept = z.order - n
+        self.B = z.B.astype(float) if z.oblique else np.broadcast_to(np.eye(n), self.m.A.shape)
+        self.S = z.S.astype(float) if z.oblique else self.m.A
+        self.inside = z.inside.astype(float) if z.oblique else np.broadcast_to(self.e, (len(t.A), n))
 
     def first(self, limit: Array) -> Array:
         """See ``Follower``."""
@@ -44,22 +48,30 @@ class Reduced:
 
     def step(self, state: tuple[Array, Array, Array], p: Array, before: Array) -> tuple[Array, Array, Array]:
         """Select and box, then move; the rounding of a step adds to it at most what ``e`` holds."""
-        K, rest, off = state[0], np.abs(state[1]).sum(axis=2), state[2]
-        size = np.linalg.norm(K * self.root[:, None], axis=1)
+        (K, rest, off), B, M = state, self.B[p], self.m.A[p]
+        size = self._size(B @ K)
         at = np.argsort(-size, axis=1, kind="stable")
         K, size = np.take_along_axis(K, at[:, None], axis=2), np.take_along_axis(size, at, axis=1)
-        least = size * 0.999 - 2.0 * np.linalg.norm(off * self.root, axis=1)[:, None]  # keys and columns are rounded
+        others = np.abs(B @ rest).sum(axis=2)
+        slip = (np.abs(B) @ off[:, :, None])[:, :, 0] @ self.root  # keys and columns are rounded
+        least = size * 0.999 - 2.0 * slip[:, None]
         known = (size[:, None, :] >= least[:, :, None]).sum(axis=2)  # that may be as large, itself included
         with np.errstate(divide="ignore", over="ignore"):
-            unknown = np.where(least > 0, 1.001 * (rest @ self.root)[:, None] / np.where(least > 0, least, 1.0), np.inf)
-        sure = known + np.floor(unknown) <= self.kept
-        rest = rest + np.where(sure[:, None], 0.0, np.abs(K)).sum(axis=2) + self.e
-        M = self.m.A[p]
-        K = M @ np.where(sure[:, None], K, 0.0)[:, :, :self.kept]
+            unknown = np.where(least > 0, 1.001 * (others @ self.root)[:, None] / np.where(least > 0, least, 1), np.inf)
+        sure = (known + np.floor(unknown) <= self.kept)[:, None]
+        box = others + np.where(sure, 0.0, np.abs(B @ K)).sum(axis=2) + self.inside[p]
+        K = M @ np.where(sure, K, 0.0)[:, :, :self.kept]
         rounded = np.broadcast_to(np.diag(self.e), M.shape)
         off = (np.abs(M) @ off[:, :, None])[:, :, 0] + self.e
         return (np.concatenate([K, self.m.W[before, p]], axis=2),
-                np.concatenate([M * rest[:, None], rounded], axis=2), off)
+                np.concatenate([self.S[p] * box[:, None], rounded], axis=2), off)
+
+    def _size(self, Z: Array) -> Array:
+        """What columns are selected by, of the first power."""
+        weighted = np.abs(Z) * self.root[:, None]
+        if self.key == "squared":
+            return np.linalg.norm(weighted, axis=1)
+        return weighted.sum(axis=1) - weighted.max(axis=1)
 
     def around(self, state: tuple[Array, Array, Array]) -> Array:
         """See ``Follower``."""

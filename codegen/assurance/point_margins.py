@@ -15,6 +15,7 @@ from ..certify.ellipsoids import ROOM, EllipsoidDemands
 from ..certify.exact import Q, inverse, product, rational
 from ..certify.rounding import TINY, UNIT
 from ..certify.sets import SetDemands, ZonotopeDemands, column
+from ..certify.settled import Boxes
 from .margins import Margin, _pivots, tightest
 
 Array = np.ndarray
@@ -40,11 +41,27 @@ def zonotope(modes, t, cert: dict) -> dict[str, list[Margin]]:
     exact = ZonotopeDemands(SetDemands(modes, t), z)
     out = {"alarm": [entrywise("e beyond what rounding and left over constants add", z.e, exact.error_box()),
                      entrywise("rho beyond what they add to a residual", z.rho, exact.residual_box()),
+                     *[entrywise("inside beyond rounding in the coordinates of boxes", z.inside, exact.inside())
+                       for _ in range(int(z.oblique))],
                      Margin("slack of the membership test", Q(z.slack) - exact.slack()),
                      Margin("floor of the membership test", Q(z.floor) - exact.floor())],
            "state": [entrywise("spread beyond the noise in the estimate and rounding", z.spread, exact.spread())],
            "bounded": reach(t)}
-    if cert.get("steady_box"):
+    if cert.get("boxes"):
+        every, half = Boxes(t, exact, cert["boxes"]["dwell"]), rational(np.array(cert["steady_box"]["half"]))
+        box, width = rational(np.array(cert["boxes"]["half"])), rational(np.array(cert["steady_box"]["width"]))
+        moved = [(s, e, (every.maps[every.mode[s], every.mode[e]] @ column(box[s])).ravel())
+                 for s, e in zip(every.steps.source, every.steps.target)]
+        stay = [(box[e][i] - x - every.added[every.mode[s], every.mode[e]][i], f"state {i}, steps {s} to {e}")
+                for s, e, new in moved for i, x in enumerate(new)]
+        shrink = [(box[e][i] - x, f"state {i}, steps {s} to {e}") for s, e, new in moved for i, x in enumerate(new)]
+        out["ultimate"] = [tightest("box beyond the hull one step later", stay),
+                           tightest("box beyond what M makes of it", shrink, strict=True),
+                           entrywise("half widths of x beyond those of the boxes", half,
+                                     rational(every.in_x(np.array(cert["boxes"]["half"])))),
+                           entrywise("width beyond twice box and spread", width,
+                                     2 * (half + np.max(rational(z.spread), axis=0)))]
+    elif cert.get("steady_box"):
         half, stay, shrink = rational(np.array(cert["steady_box"]["half"])), [], []
         for q, M in enumerate(exact.of.M):
             moved = (abs(M) @ column(half)).ravel()

@@ -14,6 +14,9 @@ from .set_bounds import Stay
 
 Array = np.ndarray
 
+#: Laps that are looked at one by one before what is left is bounded in a norm.
+LAPS = 3
+
 
 def prove_schedule(m: ErrorRecursion, H0: Array, lead: Sequence[int], cycle: Sequence[int], claim,
                    known: dict | None = None) -> float:
@@ -66,7 +69,7 @@ def prove_schedule(m: ErrorRecursion, H0: Array, lead: Sequence[int], cycle: Seq
                 M, W = _lap(m, A, modes)
                 near = np.array([[float(x) for x in line] for line in M])
                 norm, added = Norm(near, M), Generators.of_exact(W)
-                known[modes] = Stay(Powers(near, norm, *start(row, norm), 0), added), added
+                known[modes] = Stay(Powers(near, norm, *start(row, norm), LAPS), added), added
             stay, added = known[modes]
             need = np.maximum(need, stay.ever(Generators.of(np.concatenate([H, np.diag(box)], axis=1)), [added], 0))
         need = (need + noise) * WIDER

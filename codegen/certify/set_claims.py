@@ -17,7 +17,7 @@ CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check,
 TABLES = {"thresholds": thresholds.certificate, "schedule": schedules.certificate, "blocks": blocks.certificate}
 
 
-def prove(modes, t, proof: dict, resolve=None, tables: tuple = (), kind: str = "") -> dict:
+def prove(modes, t, proof: dict, resolve=None, tables: tuple = (), kind: str = "", dwell: int = 1) -> dict:
     """Make the certificate of the tables of a point observer.
 
     Parameters
@@ -33,6 +33,8 @@ def prove(modes, t, proof: dict, resolve=None, tables: tuple = (), kind: str = "
         Of ``thresholds.freeze_thresholds``: where the set is a table by dwell time.
     kind : str
         A key of ``TABLES``, where the set is a table.
+    dwell : int
+        Samples that every mode lasts at least: read for a zonotope.
 
     Returns
     -------
@@ -55,7 +57,7 @@ def prove(modes, t, proof: dict, resolve=None, tables: tuple = (), kind: str = "
         ellipsoids.check(modes, t, cert)
         return cert
     if kind not in TABLES:
-        return set_freeze.prove_zonotope(modes, t, level)
+        return set_freeze.prove_zonotope(modes, t, level, dwell)
     cert = TABLES[kind](*tables, t, level)
     CHECKS[kind](modes, t, cert)
     return cert

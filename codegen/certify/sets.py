@@ -178,9 +178,29 @@ class ZonotopeDemands:
         for q in range(len(self.of.modes)):
             for name, M, measured in (("F", self.of.M, True), ("Fb", self.of.A, False)):
                 off = abs(rational(getattr(self.z, name)[q]) - exact[name][q]).sum(axis=2)
-                here = self.of.rest(q, measured) + self.carry(M[q]) + np.max(off, axis=0)
+                here = self.of.rest(q, measured) + self.carry(M[q]) + np.max(off, axis=0) + self.turn(q, measured)
                 out = here if out is None else np.maximum(out, here)
-        return out + self.chain(self.reach)
+        return out + (0 if len(self.z.B) else self.chain(self.reach))
+
+    def turn(self, q: int, measured: bool) -> Array:
+        """What a box in other coordinates leaves out of a step: M - S B, and the rounding of S times the box."""
+        if not len(self.z.B):
+            return zeros(len(self.e), 1).ravel()
+        M, S, B = self.of.M if measured else self.of.A, self.z.S if measured else self.z.Sb, rational(self.z.B[q])
+        S = rational(S[q])
+        lack = product(abs(M[q] - product(S, B)), column(self.reach)).ravel()
+        box = product(abs(B), column(self.reach)).ravel() + rational(self.z.inside[q])
+        return lack + 2 * self.u * product(abs(S), column(box)).ravel() + len(self.e) * self.tiny
+
+    def inside(self) -> Array:
+        """Smallest admissible rounding in other coordinates, (N, n_x), or (0, n_x): e there, B g, and the sums."""
+        n, out = len(self.e), []
+        for B in self.z.B:
+            B = abs(rational(B))
+            size = product(B, column(self.reach)).ravel()
+            out.append(product(B, column(self.e)).ravel() + (n + 1) * self.u * size + 2 * n * self.count * self.tiny
+                       + self.chain(size * (1 + (n + 1) * self.u)))
+        return np.array(out, dtype=object).reshape(-1, n)
 
     def spread(self) -> Array:
         """Smallest admissible spread (O, n_x)."""

@@ -22,11 +22,12 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Steps:
-    """A function that moves the set by a step: its name, heading, matrix, tables, origin of the estimate after it."""
+    """A function that moves the set by a step: its name, heading, matrices, tables, origin of the estimate after it."""
 
     name: str
     equation: tuple[str, ...]
     matrix: str
+    turn: tuple[str, ...]
     tables: tuple[Table, ...]
     after: tuple[str, ...]
 
@@ -39,7 +40,9 @@ class SetView:
     the index of the noise that the estimate holds; ``start`` and ``whole`` hold the half widths of the initial box and
     of the ranges; ``by_normals``, ``by_pairs`` and ``by_table`` are the directions of the membership test, one or none,
     ``room`` how many residual vectors it needs (generators, for pairs unit vectors too),
-    ``together`` the bit that it sets.
+    ``together`` the bit that it sets. ``plain`` where columns are compared by squares in the coordinates of x, else
+    ``columns``; ``turned`` where boxes are in other coordinates, else ``copied``; ``squared`` or ``girard`` by what
+    columns are compared; ``back`` the matrix that takes a box on.
     """
 
     numbers: int
@@ -51,7 +54,14 @@ class SetView:
     whole: Table
     limit: Table
     weight: Table
-    rounding: Table
+    rounding: tuple[Table, ...]
+    plain: tuple[str, ...]
+    turned: tuple[str, ...]
+    copied: tuple[str, ...]
+    columns: tuple[str, ...]
+    squared: tuple[str, ...]
+    girard: tuple[str, ...]
+    back: str
     spread: Table
     steps: tuple[Steps, ...]
     output: tuple[Table, ...]
@@ -204,14 +214,22 @@ def zonotope(t, names: Names) -> SetView:
     def columns(values):
         return values.swapaxes(2, 3).reshape(*values.shape[:2], -1)  # one generator after the other
 
+    def turn(S):
+        if not z.oblique:
+            return ()
+        return (by_mode("basis", z.B, f"[{m}_NX][{m}_NX]"), by_mode("back", S, f"[{m}_NX][{m}_NX]"),
+                by_mode("rounding", z.inside, f"[{m}_NX]"))
+
+    plain = z.key == "squared" and not z.oblique
     steps = tuple(Steps(f"{names.prefix}_set_{name}", equation, matrix,
-                        (by_mode(matrix, M, f"[{m}_NX][{m}_NX]"),
+                        ("basis[p], back[p], rounding[p], ",) * z.oblique,
+                        (by_mode(matrix, M, f"[{m}_NX][{m}_NX]"), *turn(S),
                          by_mode("added", columns(F), f"{origins}[{m}_NX * {m}_ADDED]")), after)
-                  for name, matrix, M, F, equation, after in (
-                      ("forward", "M", t.M, z.F, ("The set after a measured step: M times the reduced set, and what "
-                                                  "disturbance and noise add.",),
+                  for name, matrix, M, S, F, equation, after in (
+                      ("forward", "M", t.M, z.S, z.F,
+                       ("The set after a measured step: M times the reduced set, and what disturbance and noise add.",),
                        ("s->origin = p;",) * (t.kind == "tnl")),
-                      ("blind", "A", t.A, z.Fb, ("The set after a step without measurement.",),
+                      ("blind", "A", t.A, z.Sb, z.Fb, ("The set after a step without measurement.",),
                        (f"s->origin = {m}_MODES;",) * (t.kind == "tnl"))))
     output = [by_mode("C", t.C, f"[{m}_NY][{m}_NX]"), by_mode("rho", z.rho, f"[{m}_NY]")]
     if noises:
@@ -227,7 +245,11 @@ def zonotope(t, names: Names) -> SetView:
         origin=f"(s->origin < {m}_ORIGINS) ? s->origin : 0U" if t.kind == "tnl" else "0U",
         forget=(f"s->origin = {m}_MODES;",) * (t.kind == "tnl"), start=vector("half", half[0], "NX"),
         whole=vector("half", half[1], "NX"), limit=vector("limit", t.limit, "NX"),
-        weight=vector("weight", z.weight, "NX"), rounding=vector("rounding", z.e, "NX"),
+        weight=vector("weight", z.weight, "NX"),
+        rounding=(vector("rounding", z.e, "NX"),) * (not z.oblique), plain=("",) * plain, turned=("",) * z.oblique,
+        copied=("",) * (not z.oblique), columns=("",) * (not plain), squared=("",) * (z.key == "squared"),
+        girard=("",) * (z.key == "girard"),
+        back="back" if z.oblique else "matrix",
         spread=Table("spread", f"{origins}[{m}_NX]", (), tuple(f"{initialiser(v, real)}," for v in z.spread)),
         steps=steps, output=tuple(output), noises=(f"{m}_NOISES",) * bool(noises),
         room=f"{m}_EDGES" if z.pairs else f"{m}_TERMS", by_normals=(f"{m}_TERMS",) * (n_y == 2),
@@ -241,7 +263,7 @@ def operations(t, views, n_u: int, n_y: int) -> Operations:
     z, n = t.shape, len(t.box)
     residual, forward, blind = (np.array(v.operations) for v in views)
     multiply, add = (int(c) for c in residual + np.maximum(forward, blind))
-    own = set_work(n, n_y, z.order, z.F.shape[3], z.V.shape[3], len(z.directions), z.pairs)
+    own = set_work(n, n_y, z.order, z.F.shape[3], z.V.shape[3], len(z.directions), z.pairs, z.oblique)
     return Operations(multiply + own.multiply, add + own.add + 2 * n, own.compare + 2 * n_u + 3 * n_y + 3 * n)
 
 

@@ -70,6 +70,10 @@ class BlockTables:
     most: Array
     wide: Array
 
+    #: As a zonotope's: what columns are compared by, and that boxes are in the coordinates of x.
+    key = "squared"
+    oblique = False
+
     @property
     def longest(self) -> int:
         """J, samples in a block at most."""

@@ -310,7 +310,6 @@ static void zammali_blocks_reduce(zammali_blocks_real shape[ZAMMALI_BLOCKS_NX * 
     for (uint32_t j = 0U; j < ZAMMALI_BLOCKS_KEPT; j++)
     {
         uint32_t best = j;
-        zammali_blocks_real held;
 
         for (uint32_t k = j + 1U; k < ZAMMALI_BLOCKS_COLUMNS; k++)
         {
@@ -322,7 +321,8 @@ static void zammali_blocks_reduce(zammali_blocks_real shape[ZAMMALI_BLOCKS_NX * 
         key[best] = key[j];
         for (uint32_t i = 0U; i < ZAMMALI_BLOCKS_NX; i++)
         {
-            held = shape[(j * ZAMMALI_BLOCKS_NX) + i];
+            const zammali_blocks_real held = shape[(j * ZAMMALI_BLOCKS_NX) + i];
+
             shape[(j * ZAMMALI_BLOCKS_NX) + i] = shape[(best * ZAMMALI_BLOCKS_NX) + i];
             shape[(best * ZAMMALI_BLOCKS_NX) + i] = held;
         }

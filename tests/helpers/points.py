@@ -50,12 +50,14 @@ def gains_of(plant, kind):
     return {"L": L, "N": N, "kind": kind}
 
 
-def point_design(plant, kind="luenberger", supervision=None, dwell=1, turn=None, **options):
-    """Freeze and certify both number types; ``turn``: coordinates of a box, needed or not."""
+def point_design(plant, kind="luenberger", supervision=None, dwell=1, turn=None, reduction=None, **options):
+    """Freeze and certify both number types; ``turn``: coordinates of a box, ``reduction``: how to reduce a zonotope."""
     gains = gains_of(plant, kind)
     gains |= choice_of(options, "zonotope")(plant, gains, options, dwell)
     if turn is not None:
         gains |= {"coordinates": np.array(turn, dtype=float), "limit": 8 * gains["limit"]}
+    if reduction is not None:
+        gains["reduction"] |= reduction
     made = {real: certified(plant, gains, {"kind": "none"}, real) for real in ("float32", "float64")}
     family = made["float32"][1]["set"]
     observer = FAMILIES[family]({real: t for real, (t, _) in made.items()}, supervision or Supervision())
@@ -89,6 +91,9 @@ VARIANTS = {  # plant, then arguments of ``point_design``: between them every br
     "smallest": ({"sizes": (1, 1, 0, 1), "noises": (1, 1)}, {"kind": "luenberger", "order": 2}),
     "no sensor noise": ({"sizes": (2, 2, 1, 1), "noises": (2, 0), "seed": 2}, {"kind": "tnl", "order": 5}),
     "three outputs": ({"sizes": (2, 3, 1, 3), "noises": (1, 2), "seed": 11}, {"kind": "tnl", "order": 5}),
+    "other coordinates": ({"seed": 12}, {"kind": "tnl", "order": 6, "reduction": {
+        "key": "girard", "coordinates": np.random.default_rng(0).normal(size=(3, 3, 3)) / 8 + np.eye(3)}}),
+    "girard": ({"seed": 13}, {"kind": "luenberger", "order": 5, "reduction": {"key": "girard"}}),
     "four outputs": ({"sizes": (2, 4, 2, 4), "noises": (1, 4), "seed": 3},
                      {"kind": "tnl", "order": 9, "supervision": Supervision(debounce=(1, 4), latch=False, recover=3)}),
     "table": ({"seed": 5}, {"kind": "tnl", "tables": "dwell", "dwell": 3, "rows": 4, "stages": 3}),

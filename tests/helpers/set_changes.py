@@ -39,3 +39,6 @@ TRACE_CHANGES = [("carried = 1.0F + (1.0F / share)", "carried = 1.0F"), ("added 
                  ("noise[q][o]", "noise[q][0U]"), ("s->origin = p;", "s->origin = PT_MODES;"),
                  ("(other < root) ? other", "(other > root) ? other"), ("raw |= PT_BIT_TOGETHER", "raw |= 0U"),
                  ("root(weight[i] * square)", "root(square)"), ("= (value < ", "= (value > ")]
+#: Of a zonotope boxed in other coordinates, its columns compared by Girard's key.
+BASIS_CHANGES = [("basis[i][k] * shape", "basis[k][i] * shape"), ("back[i][j] * box[j]", "matrix[i][j] * box[j]"),
+                 ("key[j] -= most;", ""), ("box[i] = rounding[i]", "box[i] = 0.0F"), ("entry > most", "entry < most")]

@@ -8,6 +8,7 @@ import pytest
 from helpers.folders import write
 from helpers.points import VARIANTS, changed, in_turn, point_design, random_plant
 from helpers.set_changes import (
+    BASIS_CHANGES,
     BLOCK_CHANGES,
     BOX_CHANGES,
     CHANGES,
@@ -87,7 +88,8 @@ def quiet_outputs(design, u, q, wild):
 @pytest.mark.parametrize("variant,changes", [("gain on the new output", CHANGES), ("table", TABLE_CHANGES),
                                              ("schedule", SCHEDULE_CHANGES), ("blocks", BLOCK_CHANGES),
                                              ("box", BOX_CHANGES), ("trace", TRACE_CHANGES),
-                                             ("box, turned", TURN_CHANGES), ("three outputs", PAIR_CHANGES)])
+                                             ("box, turned", TURN_CHANGES), ("three outputs", PAIR_CHANGES),
+                                             ("other coordinates", BASIS_CHANGES)])
 def test_a_mutant_is_noticed(variant, changes, made, tmp_path):
     """A tie, a column, a margin, a transposition, a mode: the comparison above sees each."""
     design = made(variant)
@@ -149,13 +151,14 @@ def without_rounding(design):
         only = {name: np.abs(turn @ noise[f].astype(float)).sum(axis=3).astype(np.float32)
                 for name, f, turn in (("g", "F", back), ("gb", "Fb", back), ("rho", "V", np.eye(2)))}
         return changed(design, shape=only | {"spread": z.spread * 0})
-    return changed(design, shape={"e": z.e * 0, "rho": z.rho * 0, "spread": z.spread - np.float32(0.999) * z.e})
+    return changed(design, shape={"e": z.e * 0, "rho": z.rho * 0, "spread": z.spread - np.float32(0.999) * z.e,
+                            "inside": z.inside * 0})
 
 
-@pytest.mark.parametrize("kind,options", [("luenberger", {"order": 6}), ("tnl", {"order": 6}),
-                                          ("tnl", {"set": "ellipsoid"}), ("tnl", {"set": "interval"}),
-                                          ("tnl", {"set": "interval", "turn": TURN}),
-                                          ("tnl", {"set": "ellipsoid", "weights": "trace"})])
+@pytest.mark.parametrize("kind,options", [
+    ("luenberger", {"order": 6}), ("tnl", {"order": 6}), ("tnl", {"set": "ellipsoid"}), ("tnl", {"set": "interval"}),
+    ("tnl", {"set": "interval", "turn": TURN}), ("tnl", {"set": "ellipsoid", "weights": "trace"}),
+    ("luenberger", {"order": 6, "reduction": VARIANTS["other coordinates"][1]["reduction"]})])
 def test_rounding_is_inside_the_set(kind, options, tmp_path):
     """Noise a millionth of the states: the margins decide. Without them the same run loses states or alarms falsely."""
     plant = random_plant(noise=1e-8, seed=7)

@@ -32,6 +32,7 @@ from set_plants import (
 )
 
 from codegen.algebra import error_set, residual_sets, zonotope
+from codegen.analysis import set_schedule
 from codegen.analysis.set_blocks import block_table
 from codegen.analysis.set_schedule import schedule_table
 from codegen.analysis.set_stay import Stay
@@ -262,6 +263,18 @@ def test_schedule_table_is_exact_and_holds_for_ever(recursion20, recursion63):
                 assert got[-1] == pytest.approx(exact[-1], rel=.01)
                 with pytest.raises(CertificateError):  # the table of one schedule for another
                     prove_schedule(m, H0, lead, (0, 0, 2, 1), table)
+
+
+def test_a_lap_that_forgets_everything_is_tabulated_exactly(recursion63, monkeypatch):
+    """Stays so long that one lap leaves nothing: no norm of the first lap is in the thresholds, nor in their proof."""
+    cycle = tuple(np.repeat([0, 1, 2], 12))
+    exact = residual_sets.thresholds(recursion63, cycle * 4, H63, FAN)
+    table = schedule_table(recursion63, (), cycle, H63, FAN, 2)
+    prove_schedule(recursion63, H63, (), cycle, table)
+    assert table.along(len(exact)) == pytest.approx(exact, rel=1e-5)
+    monkeypatch.setattr(set_schedule, "LAPS", 0)
+    loose = schedule_table(recursion63, (), cycle, H63, FAN, 2)
+    assert np.max(loose.along(len(exact)) / exact) > 1.05
 
 
 def test_blocks_hold_any_sequence_and_are_exact_in_the_first(recursion20, recursion63):
