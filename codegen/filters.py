@@ -85,6 +85,66 @@ def certify_filter(problem: FilterProblem, gains, start: dict) -> tuple[float, d
     raise CertificateError(f"certificate: {reason}")
 
 
+@dataclass(frozen=True)
+class Proposal:
+    """Gains before they are rounded.
+
+    Parameters
+    ----------
+    gains : tuple of (A, B, C, D), one per mode
+    claimed : float
+        Level of the solver.
+    xi : tuple of ndarray (n_f, n_f)
+        Post scaling, already in C and D; empty without.
+    start : dict
+        "P" of the design.
+    """
+
+    gains: tuple
+    claimed: float
+    xi: tuple
+    start: dict
+
+
+def propose(problem: FilterProblem, synthesis: str = "slack", loss: float = 0.0, post: bool = False) -> Proposal:
+    """Design, lower the order, balance the states, scale the estimate; arguments as ``design_filter``.
+
+    Raises
+    ------
+    DesignError
+        No filter exists, or an option is wrong.
+    """
+    if synthesis not in ("slack", "projection"):
+        raise DesignError(f'hinf-filter: synthesis is {synthesis!r}, expected "slack" or "projection".')
+    design = hinf_filter.design(problem)
+    if synthesis == "projection":
+        design = hinf_projection.design(problem, design).design
+    claimed = design.gamma
+    if loss > 0:
+        design = reduce_order(problem, design, loss)
+    design = balanced(design, problem.sizes[0])
+    xi = tuple(post_scaling(problem, design.gains)) if post else ()
+    return Proposal(tuple(scaled(design.gains, xi) if post else design.gains), claimed, xi, design.proof)
+
+
+def certify_proposal(problem: FilterProblem, gains, start: dict) -> tuple[float, dict]:
+    """As ``certify_filter``; where no level is proved because the plant itself is unstable, that is said.
+
+    Raises
+    ------
+    DesignError
+    CertificateError
+    """
+    try:
+        return certify_filter(problem, gains, start)
+    except CertificateError:
+        margin = stability_margin(problem)
+        if margin <= 1e-7:  # the solver took its own tolerance for a solution
+            raise DesignError("hinf-filter: the plant itself is not stable under this switching and uncertainty "
+                              f"(margin {margin:.1e} of 1), so no filter has a level. {REMEDY}") from None
+        raise
+
+
 def design_filter(problem: FilterProblem, real: str = "float32", synthesis: str = "slack", loss: float = 0.0,
                   post: bool = False) -> CertifiedFilter:
     """Design and certify.
@@ -111,23 +171,7 @@ def design_filter(problem: FilterProblem, real: str = "float32", synthesis: str 
     CertificateError
         The exact check refuses every level.
     """
-    if synthesis not in ("slack", "projection"):
-        raise DesignError(f'hinf-filter: synthesis is {synthesis!r}, expected "slack" or "projection".')
-    design = hinf_filter.design(problem)
-    if synthesis == "projection":
-        design = hinf_projection.design(problem, design).design
-    claimed = design.gamma
-    if loss > 0:
-        design = reduce_order(problem, design, loss)
-    design = balanced(design, problem.sizes[0])
-    xi = tuple(post_scaling(problem, design.gains)) if post else ()
-    gains = rounded(scaled(design.gains, xi) if post else design.gains, real)
-    try:
-        gamma, proof = certify_filter(problem, gains, design.proof)
-    except CertificateError:
-        margin = stability_margin(problem)
-        if margin <= 1e-7:  # the solver took its own tolerance for a solution
-            raise DesignError("hinf-filter: the plant itself is not stable under this switching and uncertainty "
-                              f"(margin {margin:.1e} of 1), so no filter has a level. {REMEDY}") from None
-        raise
-    return CertifiedFilter(tuple(gains), gamma, claimed, xi, proof)
+    found = propose(problem, synthesis, loss, post)
+    gains = rounded(found.gains, real)
+    gamma, proof = certify_proposal(problem, gains, found.start)
+    return CertifiedFilter(tuple(gains), gamma, found.claimed, found.xi, proof)

@@ -2,6 +2,7 @@
 
 from .coordinates import Coordinates
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
+from .filter import FilterObserver, FilterTables
 from .framer import FramerTables, Variation
 from .interval import IntervalObserver
 from .point import PointObserver, PointTables
@@ -9,12 +10,13 @@ from .runner import Runner
 from .supervisor import Supervision
 from .thresholds import ThresholdObserver, ThresholdTables
 from .tnl import TnlObserver
-from .trace import PointTrace, Trace
+from .trace import FilterTrace, PointTrace, Trace
 from .zonotope import ZonotopeObserver, ZonotopeTables
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
-            "thresholds": ThresholdObserver, "ellipsoid": EllipsoidObserver}
+            "thresholds": ThresholdObserver, "ellipsoid": EllipsoidObserver, "filter": FilterObserver}
 
-__all__ = ["FAMILIES", "Coordinates", "EllipsoidObserver", "EllipsoidTables", "FramerTables", "IntervalObserver",
+__all__ = ["FAMILIES", "Coordinates", "EllipsoidObserver", "EllipsoidTables", "FilterObserver", "FilterTables",
+           "FilterTrace", "FramerTables", "IntervalObserver",
            "PointObserver", "PointTables", "PointTrace", "Runner", "Supervision", "ThresholdObserver",
            "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver", "ZonotopeTables"]

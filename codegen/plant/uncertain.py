@@ -115,7 +115,8 @@ def _parts(plant: Plant, mode: Mode) -> UncertainMode:
         changed[f"{name}_unc"] = (sizes[:, None, None] * slopes)[sizes > 0]
         changed[f"{name}_rad"] = _slip(changed[name], slopes, middle, radius)
     box = {"theta_lo": (lo - error)[known], "theta_hi": (hi + error)[known]}
-    plain = {k: getattr(mode, k) for k in ("name", "C", "D", "Bw", "Dv", "Bf", "Df", "w_lo", "w_hi", "v_lo", "v_hi")}
+    plain = {k: getattr(mode, k) for k in ("name", "C", "D", "Bw", "Dw", "Dv", "Bf", "Df", "w_lo", "w_hi", "v_lo",
+                                                "v_hi")}
     return UncertainMode(**plain, **changed, **box, Bf_rad=np.zeros_like(mode.Bf))
 
 

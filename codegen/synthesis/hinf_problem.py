@@ -145,9 +145,8 @@ def problem_of(plant) -> FilterProblem:
         place = np.zeros((n_x + n_u, n_x + len(w) + len(v) + n_u + plant.n_f))
         place[:n_x, :n_x], place[n_x:, -n_u - plant.n_f:-plant.n_f] = np.eye(n_x), np.diag(size["u"])
         A, B, blocks = _uncertain(m, n_x + n_y + n_u, place)
-        Dw = getattr(m, "Dw", np.zeros((n_y, len(w))))
         E_d = np.hstack([m.Bw * w, np.zeros((n_x, len(v))), B * size["u"]])
-        F_d = np.vstack([np.hstack([Dw * w, m.Dv * v, m.D * size["u"]]),
+        F_d = np.vstack([np.hstack([m.Dw * w, m.Dv * v, m.D * size["u"]]),
                          np.hstack([np.zeros((n_u, len(w) + len(v))), np.diag(size["u"])])])
         C = np.vstack([m.C, np.zeros((n_u, n_x))])
         F_f = np.vstack([m.Df * size["f"], np.zeros((n_u, plant.n_f))])

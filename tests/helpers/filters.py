@@ -22,10 +22,7 @@ DATA = Path(__file__).parents[1] / "data"
 def farhat(uncertain: bool = True, weights: bool = False) -> FilterProblem:
     """The example of the slides, through the plant file."""
     text = (DATA / "farhat.toml").read_text()
-    plain = "\n".join(line for line in text.splitlines() if not line.startswith("Dw"))
-    plant = loads(plain).observed
-    for mode, table in zip(plant.modes, tomllib.loads(text)["mode"]):
-        object.__setattr__(mode, "Dw", np.array(table["Dw"], dtype=float))
+    plant = loads(text)
     problem = problem_of(plant)
     if weights:
         options = plant.options

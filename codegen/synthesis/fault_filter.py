@@ -1,0 +1,162 @@
+"""Method "hinf-filter" as the plant file asks for it: options, the problem with its weights, units of solver and C.
+
+The design itself is ``hinf_filter``, the projections ``hinf_projection``. The solver wants states, outputs and faults
+of about one; the C has the units of the plant file. So the problem is stated in units of powers of two for x and y (no
+rounding), of the ranges for u and f, and the constants of the C are those of the filter in the plant's units, rounded:
+what is certified is these, taken back exactly (Farhat and Koenig (2016) give no units).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from flint import fmpq
+
+from ..errors import DesignError
+from .framers import POLYTOPIC, basic_reason
+from .hinf_problem import Block, FilterProblem, in_coordinates, problem_of
+from .hinf_weights import Weight, weight, weighted
+
+Array = np.ndarray
+
+#: Options of ``[observer]``, with what they may be.
+OPTIONS = {"synthesis": ("slack", "projection"), "target": dict, "colour": dict, "order_loss": (0.0, 1.0),
+           "post_scaling": ("none", "steady"), "set_rows": (4, 400), "within": (0, 50)}
+
+
+def inapplicable(plant) -> str | None:
+    """Why a plant cannot have this filter, with what to change; None if it can."""
+    if plant.polytope is not None:
+        return POLYTOPIC
+    if (reason := basic_reason(plant)) is not None:
+        return reason
+    if not plant.f:
+        return "no fault is declared, expected one to estimate. Declare it in signals.f."
+    for s in plant.f:
+        if not (np.isfinite(s.lo) and np.isfinite(s.hi)):
+            return f'signals.f "{s.name}" has no range, expected range = [lo, hi]: the size of the fault. Add one.'
+    if plant.switching.late:
+        return "the mode is told late, expected at its own sample. Use method \"tnl-interval-lpv\"."
+    if plant.kind != "discrete":
+        return "the plant is continuous, expected discrete. Sample it, and cover what that misses by parameters."
+    for mode in plant.modes:
+        for name in set(mode.theta_terms) - {"A", "B"}:
+            return (f'{name} of mode "{mode.name}" depends on a parameter, expected only A and B to. Take the middle '
+                    "and widen the bounds of w or v by the rest.")
+    return None
+
+
+def stated_weight(where: str, key: str, value) -> Weight | None:
+    """A weight of the plant file, ``{ num = [...], den = [...] }``.
+
+    Raises
+    ------
+    DesignError
+        It is not that, not proper or not stable.
+    """
+    if value is None:
+        return None
+    for name in ("num", "den"):
+        numbers = value.get(name)
+        if not (isinstance(numbers, list) and numbers and all(
+                isinstance(x, int | float) and not isinstance(x, bool) and np.isfinite(x) for x in numbers)):
+            raise DesignError(f"{where}: observer.{key}.{name} is {numbers!r}, expected a list of numbers: coefficients "
+                              "of falling powers of the shift.")
+    if unknown := set(value) - {"num", "den"}:
+        raise DesignError(f"{where}: observer.{key}.{min(unknown)} is unknown, expected num and den.")
+    if value["den"][0] == 0:
+        raise DesignError(f"{where}: observer.{key}.den starts with 0, expected the highest power first. Remove it.")
+    try:
+        return weight(value["num"], value["den"])
+    except DesignError as error:
+        raise DesignError(f"{where}: observer.{key}: {error}") from None
+
+
+def power(size: Array) -> Array:
+    """Powers of two near sizes."""
+    return 2.0 ** np.round(np.log2(size))
+
+
+@dataclass(frozen=True)
+class Units:
+    """Sizes of [y; u] and of f, by which the problem is scaled, and how many of the former are outputs.
+
+    Parameters
+    ----------
+    seen : ndarray (n_y + n_u,)
+    fault : ndarray (n_f,)
+    n_y : int
+    """
+
+    seen: Array
+    fault: Array
+    n_y: int
+
+    def emitted(self, gains, real: str) -> dict[str, Array]:
+        """Constants of the C of gains of the problem: M, L, G, K, Dy, Du, stacked over the modes and rounded."""
+        parts: dict[str, list] = {k: [] for k in ("M", "L", "G", "K", "Dy", "Du")}
+        for A, B, C, D in gains:
+            B, C, D = B / self.seen, C * self.fault[:, None], D * self.fault[:, None] / self.seen
+            for key, value in zip(parts, (A, B[:, :self.n_y], B[:, self.n_y:], C, D[:, :self.n_y], D[:, self.n_y:])):
+                parts[key].append(value)
+        return {k: np.stack(v).astype(real) for k, v in parts.items()}
+
+    def gains(self, t: dict[str, Array]) -> list:
+        """Gains of the problem for constants of the C, as exact rationals."""
+        seen, fault = (np.array([exact(v) for v in values], dtype=object) for values in (self.seen, self.fault))
+        out = []
+        for M, L, G, K, Dy, Du in zip(*(t[k] for k in ("M", "L", "G", "K", "Dy", "Du"))):
+            B = rationals(np.concatenate([L, G], axis=1)) * seen
+            D = rationals(np.concatenate([Dy, Du], axis=1)) * seen / fault[:, None]
+            out.append((rationals(M), B, rationals(K) / fault[:, None], D))
+        return out
+
+
+def exact(x: float) -> fmpq:
+    """The rational value of a float."""
+    return fmpq(*float(x).as_integer_ratio())
+
+
+def rationals(values: Array) -> Array:
+    """Object array of exact values."""
+    out = np.empty(values.shape, dtype=object)
+    for index in np.ndindex(values.shape):
+        out[index] = exact(values[index])
+    return out
+
+
+def stated(plant, options: dict) -> tuple[FilterProblem, Units]:
+    """The problem that a plant file states, with its weights, and its units.
+
+    Parameters
+    ----------
+    plant : Plant
+    options : dict
+        ``target`` and ``colour`` are read.
+
+    Returns
+    -------
+    problem : FilterProblem
+    units : Units
+
+    Raises
+    ------
+    DesignError
+        A weight is wrong, or the plant is none for this method.
+    """
+    plain = problem_of(plant)
+    size = {v: np.maximum(*(np.abs(side) for side in plant.limits(v))) for v in "xyuf"}
+    size = {v: np.where(s > 0, s, 1.0) for v, s in size.items()}
+    units = Units(np.concatenate([power(size["y"]), size["u"]]), size["f"], plant.n_y)
+    problem = in_coordinates(plain, np.diag(1 / power(size["x"])))
+    n = plant.n_x
+
+    def seen(m):
+        rows = units.seen[:, None]
+        blocks = tuple(Block(np.vstack([b.H[:n], b.H[n:] / rows]), b.S, b.repeated) for b in m.blocks)
+        return replace(m, C=m.C / rows, F=m.F / rows, blocks=blocks)
+
+    problem = replace(problem, modes=tuple(seen(m) for m in problem.modes))
+    weights = [stated_weight(plant.name, key, options.get(key)) for key in ("target", "colour")]
+    return (problem if weights == [None, None] else weighted(problem, *weights)), units
