@@ -94,6 +94,6 @@ def sentences(plant: Plant, t: FilterTables, cert: dict) -> list[str]:
             + f" in units of their largest sizes, f in units of its range, {slow}{unsure} (rounding of sums apart)",
             f"while no fault acts |f_hat[j]| <= f_bound[j] at every sample, so there is no false alarm, {slow}{unsure}, "
             f"rounding included ({t.real}, with or without fused multiply-add)",
-            f"once settled f_bound is, by mode, {last}; it comes down to that within {t.lost} samples from anywhere in "
-            f"the declared range, and within {t.last - t.lost} after a sample without measurement",
+            f"once settled f_bound is, by mode, {last}; it comes down to that within {t.lost << t.shift} samples from "
+            f"anywhere in the declared range, and within {(t.last - t.lost) << t.shift} after a sample without measurement",
             "the state of the filter stays within limits: beyond them it starts again"]

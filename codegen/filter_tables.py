@@ -16,9 +16,11 @@ from .plant.model import Plant
 
 Array = np.ndarray
 #: Most rows of the set; fewer where its thresholds are that close to what a run reaches. Rows added at a time, at least.
-ROWS, CLOSE, STEP = 96, 1.01, 4
+ROWS, CLOSE, STEP = 64, 1.01, 4
 #: The last bounds over the smallest ones; the smaller, the longer the table. Most samples of its two beginnings.
-ABOVE, MOST = 1.002, 250
+ABOVE, MOST = 1.002, 400
+#: Rows of a beginning at most; where it lasts longer a row holds for two, four, ... samples.
+LENGTH = 20
 #: An initial box may raise the last thresholds by so much; else the firmware starts from anywhere.
 RAISED = 1.02
 
@@ -199,7 +201,7 @@ def thresholds(plant: Plant, given: dict, graph: filter_bounds.Graph, most: int 
     Returns
     -------
     tables : dict
-        "h", "lost", "start", "limit".
+        "h", "lost", "start", "shift", "limit".
     cert : dict
         For ``certify.filter_bounds.check``.
 
@@ -223,30 +225,40 @@ def thresholds(plant: Plant, given: dict, graph: filter_bounds.Graph, most: int 
 
 def laid_out(plant: Plant, t, graph, cert: dict, found, b: Array, chooser: Chooser) -> tuple[dict, dict]:
     """The table of thresholds of a set, and the limits of xi."""
-    rows, real = np.array(cert["rows"]), t.real
+    rows, n_x, n_s = np.array(cert["rows"]), len(t.x_lo), t.M.shape[1]
+    reach = [np.concatenate([t.L[q] * np.maximum(abs(t.y_lo), abs(t.y_hi)), t.G[q] * np.maximum(abs(t.u_lo),
+             abs(t.u_hi))], axis=1).astype(float) for q in range(len(t.M))]
+    driven = largest([M.astype(float) for M in t.M], reach, np.eye(n_s))
+    t.limit = above(1.5 * np.maximum(driven, np.max(b, axis=0)[n_x:n_x + n_s]) + 1e-30, t.real)
+    initial, declared = boxes(t, plant.x0_lo, plant.x0_hi)
     initial, anywhere = (np.tile(filter_bounds.supports(rows, half), (len(b), 1))
-                         for half in boxes(t, plant.x0_lo, plant.x0_hi))
+                         for half in (initial, filter_bounds.anywhere(t, declared)))
     plain = found.estimate(graph, b)
     with_box = chooser.settled(found, np.maximum(b, initial))
     starts = with_box is not None and bool(np.all(found.estimate(graph, with_box) <= RAISED * plain))
     b = chooser.settled(found, (with_box if starts else b) * ABOVE)
     if b is None:
         raise DesignError(f"{plant.name}: the set of plant and filter is not kept. Raise observer.set_rows.")
+    late = (b @ found.lost.T) * filter_bounds.RAISE
     try:
-        first, most = filter_bounds.table(found, graph, b, anywhere, MOST)
-        after, more = filter_bounds.table(found, graph, b, (b @ found.lost.T) * filter_bounds.RAISE, MOST)
+        first, after = (filter_bounds.table(found, graph, b, start, MOST) for start in (anywhere, late))
     except CertificateError:
         raise DesignError(f"{plant.name}: the thresholds take more than {MOST} samples to come down from the declared "
                           "range of x (found), expected fewer. Narrow that range, or slow the sampling down.") from None
-    h = above(np.array([*first, *after, found.estimate(graph, b)]), real)
-    n_x, n_s = len(t.x_lo), t.M.shape[1]
-    reach = [np.concatenate([t.L[q] * np.maximum(abs(t.y_lo), abs(t.y_hi)), t.G[q] * np.maximum(abs(t.u_lo),
-             abs(t.u_hi))], axis=1).astype(float) for q in range(len(t.M))]
-    driven = largest([M.astype(float) for M in t.M], reach, np.eye(n_s))
-    limit = above(1.5 * np.maximum(driven, np.maximum(most, more)[n_x:n_x + n_s]) + 1e-30, real)
-    begins = len(first) if np.all(initial <= (b @ found.lost.T) * filter_bounds.RAISE) else 0
-    tables = {"h": h, "lost": len(first), "start": len(h) - 1 if starts else begins, "limit": limit}
-    return tables, cert | {"bounds": b.tolist()}
+    shift, final = 0, found.estimate(graph, b)
+    while max(len(first), len(after)) > LENGTH << shift:
+        shift += 1
+    groups = [grouped(part, final, 1 << shift) for part in (first, after)]
+    h = above(np.array([*groups[0], *groups[1], final]), t.real)
+    begins = len(groups[0]) if np.all(initial <= late) else 0
+    return ({"h": h, "lost": len(groups[0]), "start": len(h) - 1 if starts else begins, "shift": shift,
+             "limit": t.limit}, cert | {"bounds": b.tolist()})
+
+
+def grouped(rows: list[Array], final: Array, stride: int) -> list[Array]:
+    """The largest of so many rows at a time; after the last of them the final one holds."""
+    full = [*rows, *[final] * (-len(rows) % stride)]
+    return [np.max(full[k:k + stride], axis=0) for k in range(0, len(full), stride)]
 
 
 def above(x: Array, real: str) -> Array:

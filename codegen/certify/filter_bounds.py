@@ -155,13 +155,18 @@ def maps(model: tuple[JointMode, ...], cert: dict, n_s: int) -> Maps:
 
 
 def supports(rows: Array, half: Array) -> Array:
-    """Supports of a box of x about zero with xi = 0, per row."""
+    """Supports of a box about zero of x, with xi = 0, or of x and xi, per row."""
     exact = rational(rows)
     return raised(abs(exact[:, :len(half)]) @ half)
 
 
-def table(found: Maps, graph: Graph, b: Array, first: Array, most: int) -> tuple[list[Array], Array]:
-    """Bounds of |f_hat| from a start until the last bounds hold, and the largest |e| on the way.
+def anywhere(t, half: Array) -> Array:
+    """Half widths of x and xi that hold at a start from anywhere; ``half`` are those of x."""
+    return np.concatenate([half, rational(t.limit)])
+
+
+def table(found: Maps, graph: Graph, b: Array, first: Array, most: int) -> list[Array]:
+    """Bounds of |f_hat| from a start until the last bounds hold.
 
     Parameters
     ----------
@@ -175,22 +180,20 @@ def table(found: Maps, graph: Graph, b: Array, first: Array, most: int) -> tuple
     Returns
     -------
     rows : list of ndarray (N, n_f)
-    largest : ndarray (m,)
 
     Raises
     ------
     CertificateError
         They do not come down within ``most`` samples.
     """
-    rows, largest = [], np.max(b, axis=0)
+    rows: list[Array] = []
     while np.any(first > b):
         if len(rows) == most:
             raise CertificateError(f"certificate: after {most} samples the bounds of the estimate still exceed the last "
                                    "ones.")
         rows.append(found.estimate(graph, first))
-        largest = np.maximum(largest, np.max(first, axis=0))
         first = found.after(graph, first)
-    return rows, largest
+    return rows
 
 
 def check(modes, t, graph: Graph, cert: dict, x0: tuple[Array, Array]) -> None:
@@ -222,9 +225,10 @@ def check(modes, t, graph: Graph, cert: dict, x0: tuple[Array, Array]) -> None:
         a, i = np.unravel_index(np.argmax(over), over.shape)
         raise CertificateError(f"certificate: the set of plant and filter is not kept: row {i} at node {a} exceeds its "
                                f"bound by {over[a, i]:.3g}.")
-    first, whole = (np.tile(supports(rows, half), (len(b), 1)) for half in boxes(t, *x0))
+    initial, declared = boxes(t, *x0)
+    first, whole = (np.tile(supports(rows, half), (len(b), 1)) for half in (initial, anywhere(t, declared)))
     last = t.h.shape[0] - 1
-    if not 0 <= t.lost <= last or t.start not in (0, t.lost, last):
+    if not 0 <= t.lost <= last or not 0 <= t.shift < 16 or t.start not in (0, t.lost, last):
         raise CertificateError(f"certificate: the table of {last + 1} rows starts at {t.start} and {t.lost}.")
     if t.start == last and np.any(first > b):
         raise CertificateError("certificate: the initial box is not within the last bounds.")
@@ -233,19 +237,17 @@ def check(modes, t, graph: Graph, cert: dict, x0: tuple[Array, Array]) -> None:
         raise CertificateError("certificate: the initial box is not within the bounds after a lost sample.")
     if np.any(first > whole):
         raise CertificateError("certificate: the initial box is not within the declared range.")
-    largest = np.max(b, axis=0)
     for name, start, begin, end in (("anywhere", whole, 0, t.lost),
                                     ("a lost sample", late, t.lost, last)):
-        proved, most = table(found, graph, b, start, end - begin)
-        largest = np.maximum(largest, most)
-        for k in range(end - begin):
+        proved = table(found, graph, b, start, (end - begin) << t.shift)
+        for k in range((end - begin) << t.shift):
             held = proved[k] if k < len(proved) else found.estimate(graph, b)
-            _holds(held, t.h[begin + k], f"{k} samples after {name}")
+            _holds(held, t.h[begin + (k >> t.shift)], f"{k} samples after {name}")
     _holds(found.estimate(graph, b), t.h[last], "in the end")
     for i in range(n_s):
-        if not largest[n_x + i] < float(t.limit[i]):
-            raise CertificateError(f"certificate: xi[{i}] reaches {largest[n_x + i]:.4g} without a fault, its limit is "
-                                   f"{float(t.limit[i]):.4g}.")
+        if not np.max(b[:, n_x + i]) < float(t.limit[i]):
+            raise CertificateError(f"certificate: xi[{i}] reaches {np.max(b[:, n_x + i]):.4g} without a fault, its limit "
+                                   f"is {float(t.limit[i]):.4g}.")
 
 
 def _holds(needed: Array, given: Array, when: str) -> None:

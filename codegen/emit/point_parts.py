@@ -107,7 +107,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
                         for i, b in enumerate(t.box)), (), ()),),
         start=assign("s->x_hat", centre["x0"], t.real), whole_range=assign("s->x_hat", centre["x"], t.real),
         crossed=(), late=(), move=Move(f"{p}_forward(s, in, out);", f"{p}_blind(s, out);", *calls),
-        sets=(family_view(t, names),))
+        sets=(family_view(t, names),), lengths=(("NSHAPE", count),) * bool(own))
 
 
 def state_of(t, names: Names) -> tuple[list[Member], list[Word], int]:

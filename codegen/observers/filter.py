@@ -3,13 +3,14 @@
 At sample k, in mode q, from the filter's state xi::
 
     1  f_hat = Du u + Dy y + K xi                    estimate of the faults
-    2  alarm where |f_hat| > h[row, q]               no fault: |f_hat| cannot exceed it
+    2  alarm where |f_hat| > h[since >> shift, q]    no fault: |f_hat| cannot exceed it
     3  xi+   = G u + L y + M xi                      the state is kept at switches
 
-``row`` counts the samples since the last start, up to the last row, which holds for ever. There are two kinds of
-starts, both with xi = 0: the plant anywhere in its declared range (reset, a fault that has been seen, switching faster
-than declared), and a sample without measurement, after which the plant is where it can be without a fault. So nothing
-that the firmware may meet makes a false alarm, only higher thresholds for a while.
+``since`` counts the samples since the last start, up to the last row, which holds for ever. There are two kinds of
+starts: anywhere, the plant in its declared range and xi within its limit (reset, the end of a fault that has been seen,
+switching faster than declared), and a sample without measurement, after which xi is zero and the plant where it can be
+without a fault. So nothing that the firmware may meet makes a false alarm, only higher thresholds for a while. While a
+fault is seen nothing starts again: the estimate goes on.
 """
 
 from __future__ import annotations
@@ -44,8 +45,10 @@ class FilterTables:
     lost : int
     start : int
         Row after init: 0, or ``lost`` or the last where the initial box allows it.
+    shift : int
+        A row holds for 2^shift samples.
     limit : ndarray (n_s,)
-        Larger than any |xi| that measurements and inputs within their ranges can make.
+        Beyond it the filter starts with xi = 0; measurements and inputs within their ranges should not lead there.
     x_lo, x_hi, x0_lo, x0_hi : ndarray (n_x,)
         Declared range and initial box.
     u_lo, u_hi : ndarray (n_u,), y_lo, y_hi : ndarray (n_y,)
@@ -62,6 +65,7 @@ class FilterTables:
     h: Array
     lost: int
     start: int
+    shift: int
     limit: Array
     x_lo: Array
     x_hi: Array
@@ -111,7 +115,8 @@ class FilterTables:
                   "u_lo": (u,), "u_hi": (u,), "y_lo": (y,), "y_hi": (y,)}
         dtype = np.dtype(data["real"])
         arrays = {k: np.array(data[k], dtype=np.float64).reshape(s).astype(dtype) for k, s in shapes.items()}
-        return cls(real=data["real"], lost=int(data["lost"]), start=int(data["start"]), **arrays)
+        return cls(real=data["real"], lost=int(data["lost"]), start=int(data["start"]),
+                   shift=int(data["shift"]), **arrays)
 
 
 class FilterObserver(Runner):
@@ -146,11 +151,11 @@ class FilterObserver(Runner):
             Another initial box than the plant file's, for which the thresholds hold.
         """
         refuse(x0_lo, x0_hi)
-        self._fill(t, runs, t.start)
+        self._fill(t, runs, t.start << t.shift)
 
-    def _fill(self, t, runs: int, row: int):
+    def _fill(self, t, runs: int, since: int):
         self.xi = np.zeros((runs, len(t.limit)), dtype=t.dtype)
-        self.row = np.full(runs, row)
+        self.since = np.full(runs, since)
         self.guard = SupervisorState(runs, t.K.shape[1], len(t.M))
 
     def sample(self, t: FilterTables, on: Array, measured: Array, u: Array, y: Array, q: Array, theta: Array,
@@ -158,13 +163,14 @@ class FilterObserver(Runner):
         """One sample of the runs in ``on``: ``<p>_step`` where ``measured``, else ``<p>_predict``."""
         f_hat = np.zeros((len(q), t.K.shape[1]), dtype=t.dtype)
         f_hat = add_terms(add_terms(add_terms(f_hat, t.Du[q], u), t.Dy[q], y), t.K[q], self.xi)
-        f_bound = t.h[np.minimum(self.row, t.last), q]
+        f_bound = t.h[np.minimum(self.since >> t.shift, t.last), q]
         raw = ~(np.abs(f_hat) <= f_bound)
         watch_dwell(self.supervision, self.guard, on, q, len(t.M))
         seen = on & measured
         alarm, again, assured = judge(self.supervision, self.guard, seen, raw)
         free = undisturbed(self.supervision, self.guard)
-        self._leave(t, on, seen, again | self.guard.too_fast, q, u, y)
+        again = (again & ~raw.any(axis=1)) | self.guard.too_fast
+        self._leave(t, on, seen, again, q, u, y)
         out.f_hat[seen], out.f_bound[seen] = f_hat[seen], f_bound[seen]
         out.raw_bits[seen] = pack(raw)[seen]
         out.alarm_bits[seen] = pack(alarm)[seen]
@@ -173,23 +179,24 @@ class FilterObserver(Runner):
         out.assured[on] = np.where(measured, assured, free)[on]
 
     def _leave(self, t, on, seen, again, q, u, y):
-        """Move the filter, or start it again, for the runs in ``on``."""
+        """Move the filter, and start its table again, for the runs in ``on``."""
         xi = add_terms(add_terms(add_terms(np.zeros_like(self.xi), t.G[q], u), t.L[q], y), t.M[q], self.xi)
-        again = again | ~(np.abs(xi) <= t.limit).all(axis=1)
-        row = np.where(self.row + 1 == t.lost, t.last, np.minimum(self.row + 1, t.last))
-        row = np.where(again, 0, row)
+        beyond = ~(np.abs(xi) <= t.limit).all(axis=1)
+        lost, last = t.lost << t.shift, t.last << t.shift
+        since = np.where(self.since + 1 == lost, last, np.minimum(self.since + 1, last))
+        since = np.where(again | beyond, 0, since)
         # What the plant may have become is known where it was known before; the filter starts anew.
-        late = np.where((self.row >= t.lost) & ~self.guard.too_fast, t.lost, 0)
-        xi = np.where((again | ~seen)[:, None], 0, xi)
+        late = np.where((self.since >= lost) & ~self.guard.too_fast, lost, 0)
+        xi = np.where((beyond | ~seen)[:, None], 0, xi)
         self.xi = np.where(on[:, None], xi, self.xi)
-        self.row = np.where(on, np.where(seen, row, late), self.row)
+        self.since = np.where(on, np.where(seen, since, late), self.since)
 
     def reset(self, t: FilterTables, on: Array) -> None:
         """Restart the runs in ``on`` from the declared ranges, alarms cleared (``<p>_reset``)."""
-        xi, row, guard = self.xi, self.row, self.guard
+        xi, since, guard = self.xi, self.since, self.guard
         self._fill(t, len(on), 0)
         self.xi = np.where(on[:, None], self.xi, xi)
-        self.row = np.where(on, self.row, row)
+        self.since = np.where(on, self.since, since)
         for name, value in vars(guard).items():
             mask = on if value.ndim == 1 else on[:, None]
             setattr(self.guard, name, np.where(mask, getattr(self.guard, name), value))
