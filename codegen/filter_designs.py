@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 
+from .analysis.worst_sequence import worst_run
 from .certify import filter_bounds
 from .certify.exact import Q, up
 from .certify.switched_gain import check_gain
@@ -52,11 +53,15 @@ def certified(plant: Plant, gains: dict, options: dict, real: str) -> tuple[Filt
     proposal = gains["proposal"]
     constants = units.emitted(proposal.gains, real)
     level, proof = certify_proposal(problem, units.gains(constants), proposal.start)
+    reached = None
+    if real == plant.target.real:
+        reached = worst_run(problem.modes, proposal.gains, problem.switching, level, steps=60, beam=4).gain
     rows = options.get("set_rows")
-    t, held = frozen(plant, constants, filter_bounds.Graph.of(problem.switching), real, None if rows is None else int(rows))
+    graph = filter_bounds.Graph.of(problem.switching)
+    t, held = frozen(plant, constants, graph, real, None if rows is None else int(rows))
     add, drain, limit = problem.switching.dwell
-    return t, {"kind": "filter", "level": level, "claimed": proposal.claimed, "energy": proof, "set_of_both": held,
-               "steady_box": None, "dwell_add": add, "dwell_drain": drain, "dwell_limit": limit,
+    return t, {"kind": "filter", "level": level, "claimed": proposal.claimed, "reached": reached, "energy": proof,
+               "set_of_both": held, "steady_box": None, "dwell_add": add, "dwell_drain": drain, "dwell_limit": limit,
                "post": [x.tolist() for x in proposal.xi]}
 
 
@@ -74,7 +79,8 @@ def check(plant: Plant, t: FilterTables, cert: dict) -> list[str]:
     constants = {k: getattr(t, k) for k in ("M", "L", "G", "K", "Dy", "Du")}
     level2 = check_gain(problem.modes, problem.names, problem.switching, units.gains(constants), cert["energy"])
     if Q(cert["level"]) * Q(cert["level"]) < level2:
-        raise CertificateError(f"certificate: the level {cert['level']:.6g} is claimed, {up(level2) ** 0.5:.6g} proved.")
+        raise CertificateError(f"certificate: the level {cert['level']:.6g} (found) is below the proved "
+                               f"{up(level2) ** 0.5:.6g}.")
     filter_bounds.check(plant.observed.modes, t, filter_bounds.Graph.of(problem.switching), cert["set_of_both"],
                         (plant.x0_lo, plant.x0_hi))
     return sentences(plant, t, cert)
@@ -88,12 +94,12 @@ def sentences(plant: Plant, t: FilterTables, cert: dict) -> list[str]:
     target = "W_f f" if "target" in plant.options else "f"
     unsure = ", whatever the parameters do within their bounds" * bool(plant.theta)
     last = "; ".join(f"{m.name}: " + ", ".join(f"{float(h):.4g}" for h in row) for m, row in zip(plant.modes, t.h[-1]))
-    return [f"energy: from rest sum |f_hat - {target}|^2 <= {cert['level']:.6g}^2 sum |d|^2, d all disturbances, noises, "
-            "inputs and faults"
-            + (" (disturbances, noises and inputs before their weight W_d)" if "colour" in plant.options else "")
-            + f" in units of their largest sizes, f in units of its range, {slow}{unsure} (rounding of sums apart)",
-            f"while no fault acts |f_hat[j]| <= f_bound[j] at every sample, so there is no false alarm, {slow}{unsure}, "
-            f"rounding included ({t.real}, with or without fused multiply-add)",
+    weighted = " (disturbances, noises and inputs before their weight W_d)" if "colour" in plant.options else ""
+    return [f"energy: from rest sum |f_hat - {target}|^2 <= {cert['level']:.6g}^2 sum |d|^2, d all disturbances, "
+            f"noises, inputs and faults{weighted} in units of their largest sizes, f in units of its range, "
+            f"{slow}{unsure} (rounding of sums apart)",
+            "while no fault acts no |f_hat| exceeds its f_bound at any sample, so there is no false alarm, "
+            f"{slow}{unsure}, rounding included ({t.real}, with or without fused multiply-add)",
             f"once settled f_bound is, by mode, {last}; it comes down to that within {t.lost << t.shift} samples from "
-            f"anywhere in the declared range, and within {(t.last - t.lost) << t.shift} after a sample without measurement",
+            f"anywhere in the declared range, within {(t.last - t.lost) << t.shift} after a sample without measurement",
             "the state of the filter stays within limits: beyond them it starts again"]

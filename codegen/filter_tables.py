@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,18 +11,20 @@ import numpy as np
 from .algebra.template_set import combinations, independent, largest
 from .certify import filter_bounds
 from .certify.exact import Q, down, up
-from .certify.filter_model import JointMode, boxes, joint
+from .certify.filter_model import JointMode, boxes, joint, joint_mode, parts
 from .errors import CertificateError, DesignError
 from .observers import FilterTables
 from .plant.model import Plant
 
 Array = np.ndarray
-#: Most rows of the set; fewer where its thresholds are that close to what a run reaches. Rows added at a time, at least.
+#: Most rows of the set; fewer where its thresholds are that close to what a run reaches. Rows added at a time.
 ROWS, CLOSE, STEP = 64, 1.01, 4
 #: The last bounds over the smallest ones; the smaller, the longer the table. Most samples of its two beginnings.
 ABOVE, MOST = 1.002, 400
 #: Rows of a beginning at most; where it lasts longer a row holds for two, four, ... samples.
 LENGTH = 20
+#: Unknown numbers of a mode that are taken at both ends where runs are looked for.
+MOST_NUMBERS = 6
 #: An initial box may raise the last thresholds by so much; else the firmware starts from anywhere.
 RAISED = 1.02
 
@@ -111,7 +115,7 @@ class Chooser:
             for known, wanted in zip(carry, after):
                 fresh = [i for i in range(len(rows)) if i not in known]
                 known |= dict(zip(fresh, combinations(rows, np.maximum(b, 1e-9 * np.max(b)), wanted[fresh])))
-            held = np.array([[np.abs(known[i][:len(b)]) @ b[:len(known[i])] for i in range(len(rows))] for known in carry])
+            held = np.array([[np.abs(known[i]) @ b[:len(known[i])] for i in range(len(rows))] for known in carry])
             lost = held - need
             worth, highest = self._worth(rows, carry, b)
             if highest <= CLOSE * np.max(low) or len(rows) >= most:
@@ -220,7 +224,33 @@ def thresholds(plant: Plant, given: dict, graph: filter_bounds.Graph, most: int 
         raise DesignError(f"{plant.name}: no set of plant and filter is kept under this switching and uncertainty "
                           "(found none), so there is no threshold. State a dwell time or narrower bounds, or raise "
                           "observer.set_rows.")
-    return laid_out(plant, t, graph, *kept, chooser)
+    tables, cert = laid_out(plant, t, graph, *kept, chooser)
+    return tables, cert | {"reached": reached(plant, t).tolist()}
+
+
+def corners(m) -> list:
+    """A mode at the ends of its unknown numbers, what is bounded elementwise in the middle."""
+    if getattr(m, "A_unc", None) is None:
+        return [m]
+    A, B, effects, _ = parts(m)
+    plain = {f: getattr(m, f)[:0] for f in ("A_unc", "B_unc", "A_theta", "B_theta", "theta_lo", "theta_hi")}
+    out = []
+    for signs in product((-1, 1), repeat=min(len(effects), MOST_NUMBERS)):
+        both = np.concatenate([A, B], axis=1) + sum(s * e for s, e in zip(signs, effects))
+        AB = floats(np.asarray(both, dtype=object))
+        plain |= {"A": AB[:, :A.shape[1]], "B": AB[:, A.shape[1]:], "A_rad": 0 * m.A_rad, "B_rad": 0 * m.B_rad}
+        out.append(replace(m, **plain))
+    return out
+
+
+def reached(plant: Plant, t) -> Array:
+    """What |f_hat| reaches in each mode on some run without fault, (N, n_f): no threshold can be below that."""
+    vertices = [joint_mode(c, t, q) for q, m in enumerate(plant.observed.modes) for c in corners(m)]
+    rows = [joint_mode(m, t, q) for q, m in enumerate(plant.observed.modes)]
+    low = largest([floats(v.J) for v in vertices], [floats(v.W) for v in vertices],
+                  np.concatenate([floats(m.O) for m in rows]), runs=len(vertices) + 200)
+    room = np.array([[float(x) for x in m.room] for m in rows])
+    return low.reshape(room.shape) + room
 
 
 def laid_out(plant: Plant, t, graph, cert: dict, found, b: Array, chooser: Chooser) -> tuple[dict, dict]:

@@ -3,7 +3,8 @@
 ``e+ = A_p e + W_p d + ...`` with |d| <= 1 and p switching. The rows are functionals of interest followed back through
 words of modes; what a further step makes of a row is written as a combination of the rows,
 ``r_i A_p = sum_j lambda_j r_j``, so that ``|r_i A_p e| <= sum_j |lambda_j| b_j``: the one with the smallest sum, by a
-linear program. Rows are added where that loses most. Everything here is a proposal in double precision; ``certify.filter_bounds`` decides.
+linear program. Rows are added where that loses most. All of it is a proposal in double precision;
+``certify.filter_bounds`` decides.
 """
 
 from __future__ import annotations

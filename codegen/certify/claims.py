@@ -179,8 +179,8 @@ def _check_filter_monitor(supervision, cert: dict) -> None:
     """Check that the bucket of the firmware is the one along which the filter is proved."""
     for name in ("dwell_add", "dwell_drain", "dwell_limit"):
         if getattr(supervision, name) != cert[name]:
-            raise CertificateError(f"certificate: the dwell monitor has {name} {getattr(supervision, name)} (found), the "
-                                   f"proof {cert[name]}.")
+            raise CertificateError(f"certificate: {name} of the monitor is {getattr(supervision, name)} (found), "
+                                   f"expected {cert[name]}.")
 
 
 def switching_words(cert: dict) -> str:

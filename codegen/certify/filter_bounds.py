@@ -4,10 +4,10 @@ With combinations ``r_i J = sum_j lambda_j r_j + rest`` and the bounds of ``filt
 
     |r_i e+| <= sum_j |lambda_j| b_j + |rest| |e| + |r_i W| 1 + sum_l |r_i h_l| (bound of p_l)  =:  (G_p b + omega_p)_i,
 
-where all bounds on the right are combinations of the b_j again; the first rows are the unit rows, so |e_k| <= b_k. G and
-omega are exact rationals rounded up, and sums of nonnegative doubles are raised by more than they can have lost. What
-is checked: the last bounds are kept along every edge of the switching graph, each row of the table follows from the
-one before, and every threshold holds the estimate. What the combinations are does not matter for that.
+where all bounds on the right are combinations of the b_j again; the first rows are the unit rows, so |e_k| <= b_k.
+G and omega are exact rationals rounded up, and sums of nonnegative doubles are raised by more than they can have lost.
+What is checked: the last bounds are kept along every edge of the switching graph, each row of the table follows from
+the one before, and every threshold holds the estimate. What the combinations are does not matter for that.
 """
 
 from __future__ import annotations
@@ -189,8 +189,7 @@ def table(found: Maps, graph: Graph, b: Array, first: Array, most: int) -> list[
     rows: list[Array] = []
     while np.any(first > b):
         if len(rows) == most:
-            raise CertificateError(f"certificate: after {most} samples the bounds of the estimate still exceed the last "
-                                   "ones.")
+            raise CertificateError(f"certificate: after {most} samples bounds of the estimate still exceed the last.")
         rows.append(found.estimate(graph, first))
         first = found.after(graph, first)
     return rows
@@ -246,8 +245,8 @@ def check(modes, t, graph: Graph, cert: dict, x0: tuple[Array, Array]) -> None:
     _holds(found.estimate(graph, b), t.h[last], "in the end")
     for i in range(n_s):
         if not np.max(b[:, n_x + i]) < float(t.limit[i]):
-            raise CertificateError(f"certificate: xi[{i}] reaches {np.max(b[:, n_x + i]):.4g} without a fault, its limit "
-                                   f"is {float(t.limit[i]):.4g}.")
+            raise CertificateError(f"certificate: xi[{i}] reaches {np.max(b[:, n_x + i]):.4g} without a fault, beyond "
+                                   f"its limit {float(t.limit[i]):.4g}.")
 
 
 def _holds(needed: Array, given: Array, when: str) -> None:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from flint import fmpq
 
-from .exact import Q, eye, product, rational, zeros
+from .exact import eye, product, rational, zeros
 from .rounding import TINY, UNIT, input_error
 
 Array = np.ndarray
@@ -67,7 +67,7 @@ def joint(modes, t) -> tuple[JointMode, ...]:
     -------
     tuple of JointMode
     """
-    return tuple(_mode(m, t, q) for q, m in enumerate(modes))
+    return tuple(joint_mode(m, t, q) for q, m in enumerate(modes))
 
 
 def _sizes(lo: Array, hi: Array) -> Array:
@@ -80,7 +80,8 @@ def _column(values: Array) -> Array:
     return values.reshape(-1, 1)
 
 
-def _mode(m, t, q: int) -> JointMode:
+def joint_mode(m, t, q: int) -> JointMode:
+    """The recursion of mode ``m`` of the plant with the filter's constants of mode q."""
     n_x, n_s = m.A.shape[0], len(t.limit)
     A, B, effects, rest = parts(m)
     C, D, Dv = (rational(getattr(m, k)) for k in ("C", "D", "Dv"))
@@ -160,8 +161,3 @@ def parts(m) -> tuple[Array, Array, list[Array], Array]:
 def boxes(t, x0_lo: Array, x0_hi: Array) -> tuple[Array, Array]:
     """Half widths about zero of x in the initial box and in the declared range, exactly."""
     return _sizes(x0_lo, x0_hi), _sizes(t.x_lo, t.x_hi)
-
-
-def unit_error(real: str) -> fmpq:
-    """Unit roundoff."""
-    return Q(UNIT[real])

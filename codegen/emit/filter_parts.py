@@ -9,7 +9,7 @@ import numpy as np
 from .cprint import initialiser, macro_names
 from .families import Member, Word, mode_word, state_layout
 from .layouts import lay_out
-from .manual import Bit, Channel
+from .manual import FILTERS, Bit, Channel
 from .maps import Linear, MapSpec, Names, Table
 from .parts import Field, Move, Operations, Parts, Size, assign
 
@@ -18,8 +18,8 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class FilterView:
-    """Sizes, faults, tables; ``row`` is the row that counts, ``again`` and ``known`` are conditions: the table starts anew,
-    the plant's set holds.
+    """Sizes, faults, tables; ``row`` is the row that counts, ``again`` and ``known`` are conditions: the table starts
+    anew, the plant's set holds.
     """
 
     sizes: tuple[Size, ...]
@@ -114,9 +114,10 @@ def parts(t, s, names: Names, signals: tuple, layout: str, faults: tuple[Channel
         row=f"(s->since >> {t.shift}U)" if t.shift else "s->since", again=f"(again && (out->raw == 0U)){fast}",
         known=f"(s->since >= {m}_LOST)" + (" && (s->too_fast == 0U)" if s.monitors_dwell else ""))
     return Parts(
-        noun="filters", header="filter.h.jinja", self_test="harness/test_filter.c.jinja", bits=bits, maps=views,
+        noun=FILTERS, header="filter.h.jinja", self_test="harness/test_filter.c.jinja", bits=bits, maps=views,
         state=state_layout(names, s, n_f, numbers, n_s, [], words), out_fields=tuple(Field(*f) for f in out),
         operations=Operations(multiply, add, 2 * len(u) + 2 * len(y) + 2 * n_s + 2 * n_f), cuts=(),
-        start=(*begin, f"s->since = {t.start << t.shift}U;"), whole_range=(*begin, "s->since = 0U;"), crossed=(), late=(),
+        start=(*begin, f"s->since = {t.start << t.shift}U;"), whole_range=(*begin, "s->since = 0U;"), crossed=(),
+        late=(),
         move=Move(f"{p}_forward(s, in, next);", "", f"{p}_estimate(s, in, out);"), sets=(view,),
         lengths=(("NS", n_s), ("NF", n_f)))

@@ -169,7 +169,9 @@ class FilterObserver(Runner):
         seen = on & measured
         alarm, again, assured = judge(self.supervision, self.guard, seen, raw)
         free = undisturbed(self.supervision, self.guard)
-        again = (again & ~raw.any(axis=1)) | self.guard.too_fast
+        fault = raw.any(axis=1)
+        self.guard.run = np.where(seen & again & fault, 1, self.guard.run)  # at the first quiet sample it still counts
+        again = (again & ~fault) | self.guard.too_fast
         self._leave(t, on, seen, again, q, u, y)
         out.f_hat[seen], out.f_bound[seen] = f_hat[seen], f_bound[seen]
         out.raw_bits[seen] = pack(raw)[seen]

@@ -1,8 +1,8 @@
 """The true plant, simulated in float64: what the observers are tested against.
 
-x+ = A x + B u + Bw w + Bf f,  y = C x + D u + Dw w + Dv v + Df f,  with the matrices of mode q[k] at theta[k]; of a continuous
-plant x' in place of x+, integrated between the samples (``continuous``), where w and theta move too. Polytopic plants
-are in ``descriptor``.
+x+ = A x + B u + Bw w + Bf f,  y = C x + D u + Dw w + Dv v + Df f,  with the matrices of mode q[k] at theta[k]; of a
+continuous plant x' in place of x+, integrated between the samples (``continuous``), where w and theta move too.
+Polytopic plants are in ``descriptor``.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from ..analysis import plots, svg
 from ..analysis.panels import Run
 from ..analysis.validate import Episode, Outcome
+from ..observers import FilterTrace
 from . import words
 from .table import Plot
 
@@ -17,6 +18,8 @@ LONG = 600  # samples from which the first fault gets a plot of its own
 MANY = 3  # faults from which it does too
 RESIDUAL = ("While zero lies between the bounds, the measurement agrees with the plant; where it does not, a fault is "
             "proved. Bounds that restart from the declared ranges after an alarm may run off the panel.")
+ESTIMATE = ("While the estimate is within the band, it may all be disturbance; beyond it a fault is proved. The "
+            "band is wide for a while after a start, and where a fault has been seen and is over.")
 
 
 def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
@@ -34,7 +37,8 @@ def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
     tuple of Plot
     """
     run, title = plots.whole(plant, o.truth, o.trace), o.scenario.name
-    every = Plot(inline(plots.residual_figure(run), f"{name}r", f"Residuals of scenario {title}"), RESIDUAL)
+    text = ESTIMATE if isinstance(o.trace, FilterTrace) else RESIDUAL
+    every = Plot(inline(plots.residual_figure(run), f"{name}r", f"Residuals of scenario {title}"), text)
     if not o.episodes or (len(o.episodes) <= MANY and len(o.trace.status) <= LONG):
         return (every,)
     first = o.episodes[0]
@@ -46,6 +50,8 @@ def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
 
 def states(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
     """Plot the state bounds of a scenario; the parameters are those of ``residuals``."""
+    if isinstance(o.trace, FilterTrace):
+        return ()
     run = plots.whole(plant, o.truth, o.trace)
     known = "" if run.simulated else " A record has no true state to compare with."
     return (Plot(inline(plots.state_figure(run), f"{name}x", f"State bounds of scenario {o.scenario.name}"),

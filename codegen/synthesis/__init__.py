@@ -5,7 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import ModuleType
 
-from . import component_interval, ellipsoid, fault_filter, interval, lpv_interval, tnl_interval, tnl_interval_lpv, zonotope
+from . import (
+    component_interval,
+    ellipsoid,
+    fault_filter,
+    interval,
+    lpv_interval,
+    tnl_interval,
+    tnl_interval_lpv,
+    zonotope,
+)
 from .framers import OPTIONS, check_options
 
 

@@ -1,9 +1,17 @@
 """Method "hinf-filter" as the plant file asks for it: options, the problem with its weights, units of solver and C.
 
+Plant ``x+ = A_q x + B_q u + Bw w + Bf f``, ``y = C_q x + D_q u + Dw w + Dv v + Df f``, A and B with bounded unknowns; the
+observer is a filter that estimates f (or W_f f)::
+
+    f_hat = Du u + Dy y + K xi,     xi+ = G u + L y + M xi                 one set of constants per mode
+
 The design itself is ``hinf_filter``, the projections ``hinf_projection``. The solver wants states, outputs and faults
 of about one; the C has the units of the plant file. So the problem is stated in units of powers of two for x and y (no
 rounding), of the ranges for u and f, and the constants of the C are those of the filter in the plant's units, rounded:
-what is certified is these, taken back exactly (Farhat and Koenig (2016) give no units).
+what is certified is these, taken back exactly.
+
+Source: A. Farhat, D. Koenig, switched uncertain H-infinity fault detection filter (slides), 2016. Differences from the
+print: those named in ``hinf_filter``; inputs u are known; a threshold for the estimate (``certify.filter_bounds``).
 """
 
 from __future__ import annotations
@@ -61,8 +69,8 @@ def stated_weight(where: str, key: str, value) -> Weight | None:
         numbers = value.get(name)
         if not (isinstance(numbers, list) and numbers and all(
                 isinstance(x, int | float) and not isinstance(x, bool) and np.isfinite(x) for x in numbers)):
-            raise DesignError(f"{where}: observer.{key}.{name} is {numbers!r}, expected a list of numbers: coefficients "
-                              "of falling powers of the shift.")
+            raise DesignError(f"{where}: observer.{key}.{name} is {numbers!r}, expected a list of numbers: "
+                              "coefficients of falling powers of the shift.")
     if unknown := set(value) - {"num", "den"}:
         raise DesignError(f"{where}: observer.{key}.{min(unknown)} is unknown, expected num and den.")
     if value["den"][0] == 0:
