@@ -8,6 +8,7 @@ import numpy as np
 
 from .algebra.zonotope import best_direction, fan
 from .analysis.set_tables import dwell_table
+from .box_sets import boxed
 from .certify import thresholds
 from .certify.ellipsoids import freeze_ellipsoid
 from .certify.order import patterns
@@ -24,6 +25,7 @@ from .observers import (
 )
 from .observers.ellipsoid import sandwich
 from .plant.model import Plant
+from .set_simulation import settled, simulated
 
 Array = np.ndarray
 #: Set in the options where the plant file says nothing.
@@ -34,29 +36,6 @@ WEIGHTS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.5, 5.0, 10.0)  # 1 + alp
 ROWS = (4, 8, 16, 32)  # of a table of thresholds
 STAGES = (3, 5, 8, 12, 20, 32)
 TABLE_MARGIN = 1.1  # last thresholds over those that no number of stages leads below
-
-
-def simulated(t: PointTables, half: Array, paths: Array) -> Array:
-    """Half widths of the bounds of x along mode sequences from the set of a box, (K, S, n_x).
-
-    Parameters
-    ----------
-    t : PointTables
-    half : ndarray (n_x,)
-    paths : ndarray (S, K) int
-
-    Returns
-    -------
-    widths : ndarray (K, S, n_x)
-    """
-    run = ZonotopeObserver({t.real: t}, Supervision())
-    H = run.whole(t, np.broadcast_to(half.astype(t.dtype), (len(paths), len(t.box))))
-    origin, out = np.full(len(paths), t.origins - 1), []
-    for q in paths.T:
-        H = run.moved(t, q, q, origin, H, True)
-        origin = q if t.kind == "tnl" else np.zeros_like(q)
-        out.append(run.radius(t, q, origin, H))
-    return np.array(out, dtype=float)
 
 
 def draft(plant: Plant, gains: dict, order: int, limit: Array, real: str, directions: Array) -> PointTables:
@@ -96,7 +75,7 @@ def sized(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
 
     def tried(order: int) -> tuple[PointTables, Array]:
         t = draft(plant, gains, order, 1e3 * half, "float64", none)
-        return t, simulated(t, half, paths)
+        return t, simulated(t, half, paths, ZonotopeObserver)
 
     orders = [int(options["order"])] if "order" in options else range(plant.n_x + 1, MOST_COLUMNS + 1)
     if orders[0] <= plant.n_x:
@@ -115,13 +94,6 @@ def sized(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
                           "or take gains that decay faster.")
     return {"set": "zonotope", "order": order, "limit": 1.25 * np.max(widths, axis=(0, 1)),
             "directions": directions(plant, t, gains)}
-
-
-def settled(widths: Array) -> Array | None:
-    """Largest half widths in the last third of all sequences; None where they still grow there."""
-    third = len(widths) // 3
-    middle, last = widths[third:2 * third].max(axis=(0, 1)), widths[2 * third:].max(axis=(0, 1))
-    return last if np.all(np.isfinite(last)) and np.all(last <= 1.02 * middle) else None
 
 
 def tabulated(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
@@ -145,16 +117,8 @@ def tabulated(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     DesignError
         No table holds for this dwell time.
     """
-    n_y = plant.n_y
-    if n_y == 2:
-        spread = fan(2 * (int(options.get("directions", 8)) // 2))
-        rows = np.concatenate([np.eye(2), [d for d in spread if np.count_nonzero(d) > 1]])
-    else:
-        rows = np.eye(n_y)
-    chosen = {"directions": rows, "dwell": dwell, "limit": np.zeros(plant.n_x), "set": "thresholds"}
-    if n_y > 2:
-        t = draft(plant, gains, 2 * plant.n_x + plant.n_w + plant.n_v, 1e3 * np.ones(plant.n_x), "float64", rows[:0])
-        chosen["directions"] = np.concatenate([rows, directions(plant, t, gains)])
+    chosen = {"directions": compared(plant, gains, options), "dwell": dwell, "limit": np.zeros(plant.n_x),
+              "set": "thresholds"}
     sizes = [(int(options["rows"]), int(options.get("stages", STAGES[0])))] if "rows" in options else sorted(
         ((r, s) for r in ROWS for s in ((int(options["stages"]),) if "stages" in options else STAGES)),
         key=lambda pair: pair[0] * pair[1])
@@ -169,6 +133,18 @@ def tabulated(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
         if above <= TABLE_MARGIN:
             return tried
     return found
+
+
+def compared(plant: Plant, gains: dict, options: dict) -> Array:
+    """Directions in which residuals are compared with a table: the coordinates, then others."""
+    rows = np.eye(plant.n_y)
+    if plant.n_y == 2:
+        spread = fan(2 * (int(options.get("directions", 8)) // 2))
+        return np.concatenate([rows, [d for d in spread if np.count_nonzero(d) > 1]])
+    if plant.n_y == 1:
+        return rows
+    t = draft(plant, gains, 2 * plant.n_x + plant.n_w + plant.n_v, 1e3 * np.ones(plant.n_x), "float64", rows[:0])
+    return np.concatenate([rows, directions(plant, t, gains)])
 
 
 def ends(table) -> Array:
@@ -304,4 +280,4 @@ def directions(plant: Plant, t: PointTables, gains: dict) -> Array:
 
 
 #: How the set of each kind is sized.
-CHOICES = {"zonotope": sized, "tables": tabulated, "ellipsoid": weighted}
+CHOICES = {"zonotope": sized, "dwell": tabulated, "ellipsoid": weighted, "interval": boxed}

@@ -9,14 +9,16 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from .box_sets import with_box
 from .certify import set_claims
 from .errors import CertificateError, DesignError
 from .observers import PointTables
 from .plant.model import Plant
-from .point_sets import CHOICES, draft, with_ellipsoid, with_table
+from .point_sets import draft, with_ellipsoid
 from .synthesis.ellipsoid import no_tnl
 from .synthesis.point import PointGains
 from .synthesis.refit import refit
+from .table_sets import CHOICES, TABLES
 
 Array = np.ndarray
 
@@ -29,14 +31,23 @@ def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple[PointT
     CertificateError
     """
     resolve = None if proof["kind"] == "none" else partial(refit, plant, proof=proof)
+    if gains["set"] == "box":
+        t = with_box(plant, gains, real)
+        return t, set_claims.prove(plant.observed.modes, t, proof, resolve)
     if gains["set"] == "ellipsoid":
         t = with_ellipsoid(plant, gains, real)
         return t, set_claims.prove(plant.observed.modes, t, proof, resolve)
-    if gains["set"] == "thresholds":
-        t, sources = with_table(plant, gains, real)
-        return t, set_claims.prove(plant.observed.modes, t, proof, resolve, sources)
+    if gains["set"] in TABLES:
+        t, sources = TABLES[gains["set"]](plant, gains, real)
+        return t, set_claims.prove(plant.observed.modes, t, proof, resolve, sources, gains["set"])
     t = draft(plant, gains, gains["order"], gains["limit"], real, gains["directions"])
     return t, set_claims.prove(plant.observed.modes, t, proof, resolve)
+
+
+def choice_of(options: dict, family: str) -> Callable[[Plant, dict, dict, int], dict]:
+    """How the set is sized: what ``tables`` says, else ``set``, else the family's."""
+    tables = options.get("tables", "none")
+    return CHOICES[options.get("set", family) if tables == "none" else tables]
 
 
 def dwell_of(plant: Plant, proof: dict) -> int:
@@ -94,8 +105,7 @@ def explore(plant: Plant, module, family: str, options: dict,
     for c in candidates(plant, module, options, lambda text: progress(f"{text} ({len(made)} certified)")):
         gains = {"L": c.L, "N": c.N, "kind": c.kind}
         try:
-            choice = CHOICES["tables" if options.get("tables") == "dwell" else options.get("set", family)]
-            gains |= choice(plant, gains, options, dwell_of(plant, c.proof))
+            gains |= choice_of(options, family)(plant, gains, options, dwell_of(plant, c.proof))
             tables, cert = certified(plant, gains, c.proof, plant.target.real)
         except (DesignError, CertificateError) as error:
             failure = error

@@ -40,6 +40,8 @@ def thresholds(plant, t, cert: dict, within: int) -> Array:
     """
     if cert["set"] == "thresholds":
         return tabulated(plant, t, cert, within)
+    if cert["set"] == "schedule":
+        return along_schedule(plant, t, within)
     out = np.full((plant.n_f, within + 1), np.inf)
     if not cert.get("steady_box"):
         return out
@@ -85,12 +87,31 @@ def tabulated(plant, t, cert: dict, within: int) -> Array:
     return out
 
 
+def along_schedule(plant, t, within: int) -> Array:
+    """The same for a list along a schedule, once its rows repeat: the worst over the phase of the onset."""
+    z, modes = t.shape, plant.observed.modes
+    P, D = len(z.cycle), z.directions.astype(float)
+    h, out = z.h[-P:].astype(float), np.full((plant.n_f, within + 1), np.inf)
+    for j in range(plant.n_f):
+        worst = np.zeros(within + 1)
+        for onset in range(P):
+            path, found = [z.cycle[(onset + d - 1) % P] for d in range(within + 2)], np.inf
+            for d, r in enumerate(responses(modes, t, path, j)):
+                with np.errstate(divide="ignore"):
+                    found = min(found, np.min(2.0 * h[(onset + d) % P] / np.abs(D @ r)))
+                worst[d] = max(worst[d], found)
+        out[j] = worst
+    return out * (1.0 + 1e-6)
+
+
 def settled_bounds(t, cert: dict) -> tuple[Array, Array]:
     """Largest r_bound of each mode once settled, (N, n_y), and one step of mode p later in mode q, (N, N, n_y).
 
     The width that "settled" is measured by holds the noise in the estimate too, which depends on the mode: the box is
     scaled so that it covers any share of it. (A scaled box is kept as the box itself is.)
     """
+    if cert["set"] == "box":
+        return box_bounds(t, cert)
     z, C, M = t.shape, t.C.astype(float), t.M.astype(float)
     half, e = np.array(cert["steady_box"]["half"]), z.e.astype(float)
     most = np.array(cert["steady_box"]["width"]) / 2 - z.spread.astype(float).min(axis=0)
@@ -101,6 +122,16 @@ def settled_bounds(t, cert: dict) -> tuple[Array, Array]:
     added = np.abs(np.einsum("qyx,poxc->pqoyc", C, z.F.astype(float))).sum(axis=4).max(axis=2)
     carried = np.abs(np.einsum("qyx,pxz->pqyz", C, M)) @ (half + e)
     return first * room, (carried + added + rest + np.abs(C) @ e) * room
+
+
+def box_bounds(t, cert: dict) -> tuple[Array, Array]:
+    """The same of an interval set: what the firmware itself computes from the largest half widths."""
+    z = t.shape
+    half, most = np.array(cert["steady_box"]["half"]), np.array(cert["steady_box"]["width"]) / 2
+    half = half * np.max((most - z.spread.astype(float).min(axis=0)) / half)
+    S, P, rest = z.S.astype(float), z.P.astype(float), z.rho.astype(float).max(axis=1)
+    carried = P @ half + z.g.astype(float).max(axis=1)
+    return S @ half + rest, np.einsum("qyx,px->pqy", S, carried) + rest
 
 
 def responses(modes, t, path, channel: int):

@@ -83,6 +83,72 @@ def schedule_table(m: ErrorRecursion, lead: Sequence[int], cycle: Sequence[int],
     return ScheduleTable(np.asarray(directions, dtype=float), h * OUTWARD, P)
 
 
+@dataclass(frozen=True)
+class PhaseTable:
+    """T1 for firmware that may start at any phase of the schedule, and has lost it where a mode is not the expected one.
+
+    Parameters
+    ----------
+    cycle : tuple of int
+        Modes of one period.
+    first : ndarray (J, d)
+        Samples 0..J - 1 from the initial box on, which is at phase 0.
+    anew : ndarray (J, Q, d)
+        The same by mode from any error on, at whatever phase.
+    lap : ndarray (P, d)
+        By phase, for ever after J samples of either.
+    """
+
+    cycle: tuple[int, ...]
+    first: Array
+    anew: Array
+    lap: Array
+
+
+def phase_table(m: ErrorRecursion, cycle: Sequence[int], first: Array, anywhere: Array, directions: Array,
+                rows: int) -> PhaseTable:
+    """Tabulate thresholds of a periodic schedule from two sets of first errors (T1).
+
+    Parameters
+    ----------
+    m : ErrorRecursion
+    cycle : sequence of int
+    first, anywhere : ndarray (n, g)
+        Generators of the first error at sample 0, and wherever the firmware starts anew.
+    directions : ndarray (d, m)
+    rows : int
+        J >= 1, samples after either start that have rows of their own.
+
+    Returns
+    -------
+    table : PhaseTable
+
+    Raises
+    ------
+    DesignError
+        The product over a cycle is not stable.
+    """
+    P, d, cycle = len(cycle), len(directions), tuple(cycle)
+    laps = [_lap(m, cycle * 2, P + i, P) for i in range(P)]
+    stays = [Stay(M, W, directions @ m.C[q], where="schedule") for (M, W), q in zip(laps, cycle)]
+    begin, lap = np.zeros((rows, d)), np.zeros((P, d))
+    anew = np.array([np.broadcast_to(zonotope.support(C @ anywhere, directions) + zonotope.support(V, directions),
+                                     (rows, d)) for C, V in zip(m.C, m.V[m.start])]).swapaxes(0, 1)
+    anew[1:, sorted(set(cycle))] = 0.0  # a mode that is not in the schedule never gets beyond its first row
+    for start, H in [(None, first), *((i, anywhere) for i in range(P))]:
+        for k in range(rows + P):
+            i = (k + (start or 0)) % P
+            q, before = cycle[i], cycle[i - 1] if k else m.start
+            noise = zonotope.support(m.V[before, q], directions)
+            if k >= rows:
+                lap[i] = np.maximum(lap[i], stays[i].ever(H, [laps[i][1]], 0) + noise)
+            else:
+                row = begin[k] if start is None else anew[k, q]
+                np.maximum(row, zonotope.support(m.C[q] @ H, directions) + noise, out=row)
+            H = np.concatenate([m.A[q] @ H, m.W[before, q]], axis=1)
+    return PhaseTable(cycle, begin * OUTWARD, anew * OUTWARD, lap * OUTWARD)
+
+
 def _lap(m: ErrorRecursion, path: Sequence[int], start: int, steps: int) -> tuple[Array, Array]:
     """Matrix and generators of one lap from a sample of the last lap of a path on."""
     W, M = np.zeros((m.A.shape[1], 0)), np.eye(m.A.shape[1])

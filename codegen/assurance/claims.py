@@ -15,7 +15,7 @@ from ..analysis.detectability import surely_detected
 from ..certify import claims as certificate
 from ..certify import containment, criteria, freeze
 from ..errors import CertificateError
-from . import margins
+from . import margins, point_claims
 from .margins import Margin
 
 GAINS = ("M", "G", "L", "N", "d")
@@ -78,14 +78,16 @@ def claims(design, real: str) -> list[Claim]:
         A sentence of the certificate has no condition here, or a condition does not hold.
     """
     t, cert, modes = design.observer.tables[real], design.certificate[real], design.plant.observed.modes
-    out = []
-    for (begins, make), sentence in zip_longest(_of_certificate(design, t, cert, modes), design.claims(real),
-                                                fillvalue=("no other", None)):
+    out, point = [], hasattr(t, "shape")
+    made = point_claims.of_certificate(design, t, cert, modes, Claim, PLANT, EXACT) if point else (
+        _of_certificate(design, t, cert, modes))
+    for (begins, make), sentence in zip_longest(made, design.claims(real), fillvalue=("no other", None)):
         if make is None or not isinstance(sentence, str) or not sentence.startswith(begins):
             raise CertificateError(f"assurance: no condition is known for the claim {sentence!r} (expected one that "
                                    f"begins with {begins!r}). Add it to codegen/assurance/claims.py.")
         out.append(_held(make(sentence)))
-    others = [_ranges(design, t), *_parameters(t, modes), *_monitor(design, cert)]
+    start = point_claims.ranges(design, t, Claim, EXACT) if point else _ranges(design, t)
+    others = [start, *_parameters(t, modes), *_monitor(design, cert)]
     return [*out, *map(_held, others), *_detection(design, t, cert, real), *_of_the_c()]
 
 

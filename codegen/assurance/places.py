@@ -11,11 +11,12 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..emit import families, view
+from ..emit import families, point_parts, view
 from ..emit.maps import MapSpec, Names
 from ..emit.varying import Varying
 from ..errors import CertificateError
 from .c_reader import Source, apart, read, walk
+from .point_places import read_sets
 from .read_varying import read_varying
 from .symbolic import NOWHERE, Affine, Coefficient, Machine
 
@@ -71,13 +72,19 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
                   tuple(m.name for m in d.modes))
     source, found = read(d.prefix, text, header), _Found()
     try:
-        for spec in _maps(design.observer.family, t, names, d):
+        specs = point_parts.maps(t, names, d.x, d.y) if d.sets else _maps(design.observer.family, t, names, d)
+        for spec in specs:
             for q, mode in enumerate(names.modes):
                 if isinstance(spec, Varying):
                     read_varying(source, spec, t, q, mode, found)
                 else:
                     _read_map(source, spec, q, mode, found)
-        _read_ranges(source, d, names.modes, t, found)
+        _read_checks(source, d, names.modes, t, found)
+        if d.sets:
+            apart = {f for f in source.functions if f.startswith(tuple(spec.name for spec in specs))}
+            read_sets(source, design, d, t, apart | {c.name for c in d.checks} | {f"{d.prefix}_cut"}, found)
+        else:
+            _read_ranges(source, d, t, found)
         _read_dwell(source, d.prefix, design.observer.supervision, found)
     except (LookupError, TypeError, ValueError, AttributeError) as error:  # an index out of range, a name unknown ...
         raise CertificateError(f"{source.name}: is not the C that residua prints ({type(error).__name__}: {error}). "
@@ -100,7 +107,9 @@ class _Found:
         self.entries: dict[tuple[str, str, str], dict[tuple[int, ...], Entry]] = {}
 
     def add(self, name: str, mode: str, function: str, index: tuple[int, ...], expected, c: Coefficient) -> None:
-        """Compare what was read with what is expected, and keep it."""
+        """Compare what was read with what is expected, and keep it; ``minus_C`` is -C."""
+        if name.startswith("minus_"):
+            name, expected, c = name.removeprefix("minus_"), -expected, Coefficient(-c.value, c.literal, c.line)
         if c.value != Fraction(float(expected)):
             where = f"line {c.line}" if c.line else "no line"
             raise CertificateError(f"{function}: {name}{list(index)}{f' of mode {mode!r}' if mode else ''} is "
@@ -122,7 +131,8 @@ def _read_map(source: Source, spec: MapSpec, q: int, mode: str, found: _Found) -
     prefix = spec.names.prefix
     machine = Machine(source, spec.names.real, {"in->mode": q, "s->mode": q}, skip=apart(prefix))
     machine.call(spec.name)
-    for side, other in (SIDES, SIDES[::-1]):
+    for side in spec.sides:
+        ends = {"lo": SIDES, "hi": SIDES[::-1]}.get(side)
         for i in range(len(spec.rows)):
             row = dict(machine.memory.get(f"{spec.target(side)}[{i}]", {}))
             for part in spec.common:
@@ -130,22 +140,23 @@ def _read_map(source: Source, spec: MapSpec, q: int, mode: str, found: _Found) -
                     found.add(part.label(side), mode, spec.name, (i, j), value, _take(row, f"{part.operand}[{j}]"))
             found.add(spec.offset.label(side), mode, spec.name, (i,), spec.offset.side(side)[q, i], _take(row, ""))
             for j, value in enumerate(spec.state.side(side)[q, i]):
-                own, opposite = (f"{spec.state.operand}_{s}[{j}]" for s in (side, other))
+                own, opposite = (f"{spec.state.operand}{'_' * bool(s) + s}[{j}]" for s in ends or ("", ""))
                 operand = opposite if spec.by_sign and value < 0 else own
                 found.add(spec.state.label(side), mode, spec.name, (i, j), value, _take(row, operand))
-            measured = _take(row, f"{spec.minus}[{i}]") if spec.minus else NOWHERE
+            read_last = spec.minus or spec.plus
+            measured = _take(row, f"{read_last}[{i}]") if read_last else NOWHERE
             extra = [operand for operand, c in row.items() if c.value]
-            if extra or measured.value != (-1 if spec.minus else 0):
+            if extra or measured.value != bool(spec.plus) - bool(spec.minus):
                 raise CertificateError(f"{source.name}: row {i} of {spec.name} in mode {mode!r} has a term with "
-                                       f"{', '.join(extra) or spec.minus} that the tables do not know. Print it again.")
+                                       f"{', '.join(extra) or read_last} that the tables do not know. Print it again.")
 
 
 def _take(row: Affine, operand: str) -> Coefficient:
     return row.pop(operand, NOWHERE)
 
 
-def _read_ranges(source: Source, d, modes: tuple[str, ...], t, found: _Found) -> None:
-    """Read the input checks, the cut and the boxes to start from."""
+def _read_checks(source: Source, d, modes: tuple[str, ...], t, found: _Found) -> None:
+    """Read the input checks."""
     for check in d.checks:
         scheduled = check.vector == "theta"  # its bounds may be each mode's own
         for q, mode in enumerate(modes) if scheduled else ((0, ""),):
@@ -160,6 +171,10 @@ def _read_ranges(source: Source, d, modes: tuple[str, ...], t, found: _Found) ->
             if bounds:
                 raise CertificateError(f"{source.name}: {check.name} compares {', '.join(o for o, _ in bounds)} with "
                                        "what the tables do not know. Print it again.")
+
+
+def _read_ranges(source: Source, d, t, found: _Found) -> None:
+    """Read the cut and the boxes to start from."""
     for cut, tables in zip(d.cuts, (t, t.change)):
         machine = Machine(source, d.real, clip=frozenset({f"{d.prefix}_clip"}))
         machine.call(cut.name)

@@ -1,8 +1,8 @@
 """Independent checker of a design: ``python independent.py DIR``, standard library only, nothing of residua imported.
 
 From the plant text, the tables and every literal of the C it proves again, in exact fractions, what the certificate
-claims, or names the first condition that fails (status 1). Designs with parameters, unknowns or a continuous plant are
-handed over to ``independent_lpv.py``. For M, G, L, N, d of a mode and T = I - N C it asks that
+claims, or names the first condition that fails (status 1). Parameters, unknowns and continuous plants are handed over
+to ``independent_lpv.py``, point observers to ``independent_sets.py``. For M, G, L, N, d of a mode and T = I - N C it asks that
 
     (T A - L C - M) x + (T B - L D - G) u + T Bw w - L Dv v - N Dv v+  +  rounding of inputs and sums  <=  d_hi
 
@@ -234,9 +234,10 @@ def check_source(text, t):
 def main(folder):
     """Check a folder."""
     design, record = (json.loads((folder / f"{name}.json").read_text()) for name in ("design", "resources"))
-    if any("vary" in t for t in design["tables"].values()):
-        sys.path.append(str(Path(__file__).parent))
-        sys.exit(__import__("independent_lpv").main(folder, design, record))  # stands beside this file
+    sys.path.append(str(Path(__file__).parent))
+    for key, other in (("vary", "independent_lpv"), ("shape", "independent_sets")):  # stand beside this file
+        if any(key in t for t in design["tables"].values()):
+            sys.exit(__import__(other).main(folder, design, record))
     modes, ranges, box0 = read_plant(design["plant"]["toml"])
     for real, t in design["tables"].items():
         check_claims(modes, t, design["certificate"][real], *check_tables(modes, t, ranges, box0))

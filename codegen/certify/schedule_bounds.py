@@ -15,7 +15,8 @@ from .set_bounds import Stay
 Array = np.ndarray
 
 
-def prove_schedule(m: ErrorRecursion, H0: Array, lead: Sequence[int], cycle: Sequence[int], claim) -> None:
+def prove_schedule(m: ErrorRecursion, H0: Array, lead: Sequence[int], cycle: Sequence[int], claim,
+                   known: dict | None = None) -> None:
     """Prove a table, or say at which sample it does not hold.
 
     Parameters
@@ -28,6 +29,8 @@ def prove_schedule(m: ErrorRecursion, H0: Array, lead: Sequence[int], cycle: Seq
         The schedule: ``lead``, then ``cycle`` for ever.
     claim : ScheduleTable
         Any object with its fields: directions, h and period.
+    known : dict, optional
+        What earlier calls with the same recursion and directions have computed of laps; filled.
 
     Raises
     ------
@@ -42,17 +45,20 @@ def prove_schedule(m: ErrorRecursion, H0: Array, lead: Sequence[int], cycle: Seq
         raise CertificateError(f"tables: {len(claim.h)} rows with period {claim.period} (found), expected a lead of "
                                f"{len(lead)} and at least two laps of {P}.")
     D, A, C = rational(claim.directions), [rational(x) for x in m.A], [rational(x) for x in m.C]
-    H = rational(H0)
+    H, known = rational(H0), {} if known is None else known
     for k in range(len(claim.h)):
         before, q = (path[k - 1] if k else m.start), path[k]
         row = product(D, C[q])
         noise = np.array([up(x) for x in abs(product(D, rational(m.V[before, q]))).sum(axis=1)])
         need = np.array([up(x) for x in abs(product(row, H)).sum(axis=1)])
         if k >= first:
-            M, W = _lap(m, A, path[k - 1:k + P])
-            near = np.array([[float(x) for x in line] for line in M])
-            norm, added = Norm(near, M), Generators.of_exact(W)
-            stay = Stay(Powers(near, norm, *start(row, norm), 0), added)
+            modes = tuple(path[k - 1:k + P])
+            if modes not in known:
+                M, W = _lap(m, A, modes)
+                near = np.array([[float(x) for x in line] for line in M])
+                norm, added = Norm(near, M), Generators.of_exact(W)
+                known[modes] = Stay(Powers(near, norm, *start(row, norm), 0), added), added
+            stay, added = known[modes]
             need = np.maximum(need, stay.ever(Generators.of_exact(H), [added], 0))
         need = (need + noise) * WIDER
         if not np.all(need <= claim.h[k]):

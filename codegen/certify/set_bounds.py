@@ -22,6 +22,19 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True)
+class Room:
+    """What a proved table has to spare: (least room, stage and mode) per stage and mode.
+
+    Parameters
+    ----------
+    thresholds, boxes : list of (float, str)
+    """
+
+    thresholds: list
+    boxes: list
+
+
+@dataclass(frozen=True)
 class DwellClaim:
     """What is claimed of a table (the fields of ``analysis.set_tables.DwellTable``).
 
@@ -82,7 +95,7 @@ class Stay:
         return np.maximum(later, np.max(explicit, axis=0))
 
 
-def prove_dwell(m: ErrorRecursion, H0: Array, claim: DwellClaim) -> None:
+def prove_dwell(m: ErrorRecursion, H0: Array, claim: DwellClaim) -> Room:
     """Prove a table, or say where it does not hold.
 
     Parameters
@@ -93,6 +106,11 @@ def prove_dwell(m: ErrorRecursion, H0: Array, claim: DwellClaim) -> None:
         Generators of the first error.
     claim : DwellClaim
         Any object with its fields.
+
+    Returns
+    -------
+    room : Room
+        How much each table entry and box is beyond what it must be, rounded down.
 
     Raises
     ------
@@ -105,6 +123,7 @@ def prove_dwell(m: ErrorRecursion, H0: Array, claim: DwellClaim) -> None:
             proof.boxes(stage)
         for q in range(m.modes):
             proof.thresholds(stage, q)
+    return proof.room
 
 
 class _Proof:
@@ -115,6 +134,7 @@ class _Proof:
         self.norms = [Norm(A) for A in m.A]
         self.before: dict[tuple[int, int], Stay] = {}
         self.tested: dict[int, Stay] = {}
+        self.room = Room([], [])
         self.H0 = Generators.of(H0)
         self.W = [[Generators.of(m.W[i, q]) for q in range(m.modes)] for i in range(m.modes + 1)]
         back = [fmpq_mat([list(row) for row in rational(T)]).inv().tolist() for T in claim.coordinates]
@@ -143,6 +163,7 @@ class _Proof:
                         raise CertificateError(f"tables: stage {stage}, mode {q}: an error that leaves mode {i} is "
                                                f"outside the box (found {leaving[q]}, expected at most "
                                                f"{self.claim.boxes[stage][q]}).")
+                    self.room.boxes.append((_spare(self.claim.boxes[stage][q], leaving[q]), f"stage {stage}, mode {q}"))
 
     def thresholds(self, stage: int, q: int) -> None:
         m, h = self.m, self.claim.h[stage][q]
@@ -167,6 +188,7 @@ class _Proof:
             j, d = np.argwhere(~(need <= h))[0]
             raise CertificateError(f"tables: stage {stage}, mode {q}, row {j}, direction {d}: threshold {h[j, d]:.9g} "
                                    f"(found), expected at least {need[j, d]:.9g}.")
+        self.room.thresholds.append((_spare(h, need), f"stage {stage}, mode {q}"))
 
     def noise(self, i: int, q: int) -> Array:
         exact = abs(product(rational(self.claim.directions), rational(self.m.V[i, q]))).sum(axis=1)
@@ -182,3 +204,8 @@ class _Proof:
         there = self.before[q, i]
         found = [there.ever(*self.entry(p, i), self.claim.dwell) for p in self.stages_before(stage)]
         return np.max(found, axis=0).reshape(back, count)
+
+
+def _spare(given: Array, need: Array) -> float:
+    """Least difference, rounded down; both are numbers, not below zero where it counts."""
+    return max(float(np.nextafter(np.min(given - need), -np.inf)), 0.0)

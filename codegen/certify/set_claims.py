@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from . import ellipsoids, residual_gain, set_freeze, thresholds
+from . import blocks, boxes, ellipsoids, residual_gain, schedules, set_freeze, thresholds
 
 #: What is checked of each kind of set.
-CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check, "ellipsoid": ellipsoids.check}
+CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check, "schedule": schedules.check,
+          "blocks": blocks.check, "ellipsoid": ellipsoids.check, "box": boxes.check}
+#: How the certificate of a table is made.
+TABLES = {"thresholds": thresholds.certificate, "schedule": schedules.certificate, "blocks": blocks.certificate}
 
 
-def prove(modes, t, proof: dict, resolve=None, tables: tuple = ()) -> dict:
+def prove(modes, t, proof: dict, resolve=None, tables: tuple = (), kind: str = "") -> dict:
     """Make the certificate of the tables of a point observer.
 
     Parameters
@@ -21,7 +24,9 @@ def prove(modes, t, proof: dict, resolve=None, tables: tuple = ()) -> dict:
     resolve : callable, optional
         See ``residual_gain.prove``.
     tables : (DwellTable, DwellTable)
-        Of ``thresholds.freeze_thresholds``: where the set is a table.
+        Of ``thresholds.freeze_thresholds``: where the set is a table by dwell time.
+    kind : str
+        A key of ``TABLES``, where the set is a table.
 
     Returns
     -------
@@ -34,14 +39,16 @@ def prove(modes, t, proof: dict, resolve=None, tables: tuple = ()) -> dict:
         A condition fails on the emitted constants.
     """
     level = dict(proof) if proof["kind"] == "none" else residual_gain.prove(modes, t.L, t.N, proof, resolve)
+    if hasattr(t.shape, "Pb"):
+        return boxes.prove(modes, t, level)
     if hasattr(t.shape, "kb"):
         cert = {**level, "set": "ellipsoid", "steady_box": None}
         ellipsoids.check(modes, t, cert)
         return cert
-    if not tables:
+    if kind not in TABLES:
         return set_freeze.prove_zonotope(modes, t, level)
-    cert = thresholds.certificate(*tables, t, level)
-    thresholds.check(modes, t, cert)
+    cert = TABLES[kind](*tables, t, level)
+    CHECKS[kind](modes, t, cert)
     return cert
 
 

@@ -17,7 +17,7 @@ from ..errors import CertificateError
 from .exact import Q, down, rational, up
 from .freeze import nearest
 from .rounding import TINY, UNIT
-from .set_bounds import prove_dwell
+from .set_bounds import Room, prove_dwell
 from .sets import SetDemands
 
 Array = np.ndarray
@@ -117,12 +117,29 @@ def freeze_thresholds(shape_class, t, main, first, directions: Array):
     -------
     ThresholdTables
     """
+    h, hx = emitted_rows(t, np.concatenate([first.h, main.h]), directions)
+    return shape_class(dwell=main.dwell, anew=len(first.h), directions=directions, h=h, hx=hx)
+
+
+def emitted_rows(t, h: Array, directions: Array) -> tuple[Array, Array]:
+    """Round supports up, with what the firmware's own test of them rounds.
+
+    Parameters
+    ----------
+    t : PointTables
+    h : ndarray (..., m + n_x)
+        Along ``directions_of(t, directions)``.
+    directions : ndarray (m, n_y)
+        As emitted.
+
+    Returns
+    -------
+    h : ndarray (..., m), hx : ndarray (..., n_x)
+    """
     m, n_y = len(directions), t.C.shape[1]
-    h = np.concatenate([first.h, main.h])
     bounds = _above(h[..., :n_y] * (1 + 1e-9), t.real)
     rest = _above((h[..., n_y:m] + margin(directions, bounds, t.real)[..., n_y:]) * (1 + 1e-9), t.real)
-    return shape_class(dwell=main.dwell, anew=len(first.h), directions=directions,
-                       h=np.concatenate([bounds, rest], axis=-1), hx=_above(h[..., m:] * (1 + 1e-9), t.real))
+    return np.concatenate([bounds, rest], axis=-1), _above(h[..., m:] * (1 + 1e-9), t.real)
 
 
 def _above(x: Array, real: str) -> Array:
@@ -140,6 +157,41 @@ def certificate(main, first, t, proof: dict) -> dict:
                                                                   "lo": (last / 2).tolist()}}
 
 
+def proved(modes, t, cert: dict) -> dict[str, Room]:
+    """Prove both parts of a table; return by how much each holds.
+
+    Parameters
+    ----------
+    modes : sequence
+        The plant's modes.
+    t : PointTables
+    cert : dict
+
+    Returns
+    -------
+    dict
+        "first" and "main" -> Room.
+
+    Raises
+    ------
+    CertificateError
+        Naming stage, mode, row and direction.
+    """
+    z, m, h = t.shape, recursion(modes, t), claimed_rows(t)
+    directions = directions_of(t, z.directions.astype(float))
+    first, anywhere = starts(t)
+    out = {}
+    for name, H0, rows in (("first", first, h[:z.anew]), ("main", anywhere, h[z.anew:])):
+        part = cert[name]
+        boxes = np.array(part["boxes"])
+        if boxes.shape[:1] != rows.shape[:1]:
+            raise CertificateError(f"certificate: {len(boxes)} boxes (found) for {len(rows)} stages of the table.")
+        claim = SimpleNamespace(directions=directions, h=rows, boxes=boxes, dwell=z.dwell, back=part["back"],
+                                coordinates=np.array(part["coordinates"]))
+        out[name] = prove_dwell(m, H0, claim)
+    return out
+
+
 def check(modes, t, cert: dict) -> list[str]:
     """Re-check the certificate of a table of thresholds; return what is proved, one sentence per claim.
 
@@ -148,24 +200,9 @@ def check(modes, t, cert: dict) -> list[str]:
     CertificateError
         Naming stage, mode, row and direction.
     """
-    z, m, n_y = t.shape, recursion(modes, t), t.C.shape[1]
-    if not np.array_equal(z.directions[:n_y], np.eye(n_y)):
-        raise CertificateError("certificate: the first directions are not the coordinates of the residual.")
-    room = margin(z.directions, z.h[..., :n_y], t.real)
-    h = np.concatenate([np.vectorize(lambda a, b: down(Q(a) - Q(b)))(z.h, room), z.hx.astype(float)], axis=-1)
-    directions = directions_of(t, z.directions.astype(float))
-    first, anywhere = starts(t)
-    for name, H0, rows in (("first", first, h[:z.anew]), ("main", anywhere, h[z.anew:])):
-        part = cert[name]
-        boxes = np.array(part["boxes"])
-        if boxes.shape[:1] != rows.shape[:1]:
-            raise CertificateError(f"certificate: {len(boxes)} boxes (found) for {len(rows)} stages of the table.")
-        claim = SimpleNamespace(directions=directions, h=rows, boxes=boxes, dwell=z.dwell, back=part["back"],
-                                coordinates=np.array(part["coordinates"]))
-        prove_dwell(m, H0, claim)
-    for i, (box, lo, hi) in enumerate(zip(t.box, t.x_lo, t.x_hi)):
-        if not abs(float(lo) / 2 + float(hi) / 2) < float(box):
-            raise CertificateError(f"certificate: box[{i}] does not hold the middle of the declared range.")
+    z = t.shape
+    proved(modes, t, cert)
+    check_middle(t)
     width = np.array(cert["steady_box"]["width"])
     if np.any(rational(width) < 2 * np.max(rational(z.hx[[z.anew - 1, -1]]).reshape(-1, len(t.box)), axis=0)):
         raise CertificateError("certificate: the ultimate width is less than in the table's last stages.")
@@ -176,3 +213,30 @@ def check(modes, t, cert: dict) -> list[str]:
             "the thresholds are a table and the estimate stays in a box: nothing can grow",
             f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], "
             + ("for arbitrary switching" if z.dwell == 1 else f"while every mode lasts at least {z.dwell} samples")]
+
+
+def claimed_rows(t) -> Array:
+    """What the emitted thresholds and half widths claim of the residual and of x: (..., m + n_x), rounding taken off.
+
+    Raises
+    ------
+    CertificateError
+        The first directions are not the coordinates.
+    """
+    z, n_y = t.shape, t.C.shape[1]
+    if not np.array_equal(z.directions[:n_y], np.eye(n_y)):
+        raise CertificateError("certificate: the first directions are not the coordinates of the residual.")
+    room = margin(z.directions, z.h[..., :n_y], t.real)
+    return np.concatenate([np.vectorize(lambda a, b: down(Q(a) - Q(b)))(z.h, room), z.hx.astype(float)], axis=-1)
+
+
+def check_middle(t) -> None:
+    """Check that an estimate in the middle of the declared range is within the box that the margins rest on.
+
+    Raises
+    ------
+    CertificateError
+    """
+    for i, (box, lo, hi) in enumerate(zip(t.box, t.x_lo, t.x_hi)):
+        if not abs(float(lo) / 2 + float(hi) / 2) < float(box):
+            raise CertificateError(f"certificate: box[{i}] does not hold the middle of the declared range.")

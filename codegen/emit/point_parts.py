@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..observers.point import centred
-from . import ellipsoid_parts, threshold_parts
+from . import block_parts, box_parts, ellipsoid_parts, schedule_parts, threshold_parts
 from .cprint import initialiser, literal, macro_names
 from .families import Member, Word, mode_word, state_layout
 from .layouts import lay_out
@@ -67,7 +67,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
 
     Parameters
     ----------
-    family : {"zonotope", "thresholds", "ellipsoid"}
+    family : {"zonotope", "thresholds", "schedule", "blocks", "ellipsoid", "box"}
     t : PointTables
     s : Supervision
     names : Names
@@ -81,11 +81,11 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     """
     x, u, y, _ = signals
     p, m = names.prefix, names.macro
-    bits = alarm_bits(y)
+    bits = alarm_bits(y, family != "box")
     views = tuple(lay_out(spec, layout) for spec in maps(t, names, x, y))
     words: list[Word] = [mode_word(m)] if s.monitors_dwell or len(names.modes) > 1 else []
     words.append(("phase", f"{m}_FRESH", "0: x_hat is this sample's; 1: last sample's, without y; 2: with y"))
-    online = family != "thresholds"
+    online = family not in TABLES
     family_state, family_operations, family_view = FAMILY[family]
     own, more, count = family_state(t, names)
     words += more
@@ -96,7 +96,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     kept = [f"s->{v}[{i}]" for v, signals in (("u", u), ("y", y)) for i in range(len(signals))]
     state = state_layout(names, s, len(bits), numbers, len(x) + len(kept) + count, kept, words)
     centre = {name: centred(getattr(t, f"{name}_lo"), getattr(t, f"{name}_hi"), t.dtype)[0] for name in ("x0", "x")}
-    reads = ", in" if not online and len(names.modes) > 1 else ""
+    reads = ", in" if family == "thresholds" and len(names.modes) > 1 else ""
     calls = (f"{p}_set_forward(s{reads});", f"{p}_settle(s, {'' if online else 'in, '}out);")
     return Parts(
         noun="estimates", header="point.h.jinja", self_test="harness/test_point.c.jinja", bits=bits,
@@ -120,11 +120,12 @@ def state_of(t, names: Names) -> tuple[list[Member], list[Word], int]:
     return numbers, words, t.shape.columns * len(t.box)
 
 
-def alarm_bits(y) -> tuple[Bit, ...]:
-    """One bit per output, and with several one for what only their set shows."""
+def alarm_bits(y, together: bool) -> tuple[Bit, ...]:
+    """One bit per output, and with several one for what only their set shows, if it shows anything."""
     own = [Bit(stem, f"0x{1 << c.index:X}U", f"{c.name} outside its bounds")
            for c, stem in zip(y, macro_names((c.name for c in y), ["TOGETHER"]))]
-    return (*own, *[Bit("TOGETHER", f"0x{1 << len(y):X}U", "the residuals together outside their set")] * (len(y) > 1))
+    more = [Bit("TOGETHER", f"0x{1 << len(y):X}U", "the residuals together outside their set")]
+    return (*own, *more * (together and len(y) > 1))
 
 
 def maps(t, names: Names, x, y) -> tuple[MapSpec, MapSpec, MapSpec]:
@@ -245,7 +246,12 @@ def operations(t, views, n_u: int, n_y: int) -> Operations:
     return Operations(multiply, add, compares)
 
 
+#: Families whose set is a table, at least in part: what it says depends on the mode now.
+TABLES = ("thresholds", "schedule", "blocks")
 #: Members of the state, operations and view of each family.
 FAMILY = {"zonotope": (state_of, operations, zonotope),
           "thresholds": (threshold_parts.state, threshold_parts.operations, threshold_parts.view),
-          "ellipsoid": (ellipsoid_parts.state, ellipsoid_parts.operations, ellipsoid_parts.view)}
+          "schedule": (schedule_parts.state, threshold_parts.operations, schedule_parts.view),
+          "blocks": (block_parts.state, block_parts.operations, block_parts.view),
+          "ellipsoid": (ellipsoid_parts.state, ellipsoid_parts.operations, ellipsoid_parts.view),
+          "box": (box_parts.state, box_parts.operations, box_parts.view)}

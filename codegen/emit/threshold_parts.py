@@ -20,11 +20,13 @@ class ThresholdView:
 
     ``short`` is the dwell time where it is more than a sample, and the entry of ``switches`` what follows on it.
 
-    ``reads`` is the second parameter of the function that counts, where it needs one.
+    ``place`` are the statements that find the row of the tables, ``row`` its indices; ``reads`` is the second parameter of the function that counts, where it needs one.
     """
 
     numbers: int
     sizes: tuple[Size, ...]
+    place: tuple[str, ...]
+    row: str
     reads: str
     switches: tuple[str, ...]
     short: tuple[str, ...]
@@ -38,7 +40,7 @@ class ThresholdView:
 
 def view(t, names: Names) -> ThresholdView:
     """Print the tables."""
-    z, m, n_y = t.shape, names.macro, t.C.shape[1]
+    z, m = t.shape, names.macro
     stages, modes, rows, count = z.h.shape
 
     def nested(name: str, values: Array, size: str) -> Table:
@@ -52,21 +54,31 @@ def view(t, names: Names) -> ThresholdView:
             lines.append("},")
         return Table(name, f"[{m}_STAGES][{m}_MODES][{m}_ROWS][{m}_{size}]", (), tuple(lines))
 
-    more = z.directions[n_y:]
     return ThresholdView(
         numbers=0,
         sizes=(Size("STAGES", f"{stages}U", "stages of the table, those from the initial box first"),
                Size("ANEW", f"{z.anew}U", "first stage of those from anywhere"),
                Size("ROWS", f"{rows}U", "samples since the mode was entered; the last row is for all later"),
                Size("DIRECTIONS", f"{count}U", "directions in which the residual has a threshold; the outputs first")),
-        reads=f", const {names.prefix}_in *in" if modes > 1 else "",
+        place=(f"const uint32_t stage = {names.prefix}_stage(s);", f"const uint32_t row = {names.prefix}_row(s);"),
+        row="[stage][in->mode][row]", reads=f", const {names.prefix}_in *in" if modes > 1 else "",
         switches=("if" if z.dwell == 1 else "else if",) * (modes > 1),
         short=(f"{z.dwell}U",) * (z.dwell > 1),
         stays=("",) * (modes == 1), cap=f"{z.cap}U",
-        limit=Table("limit", f"[{m}_NX]", (), (initialiser(t.box, t.real).strip("{} ") + ",",)),
-        widths=nested("width", z.hx, "NX"), thresholds=nested("threshold", z.h, "DIRECTIONS"),
-        by_table=(Table("direction", f"[{m}_DIRECTIONS - {m}_NY][{m}_NY]", (),
-                        tuple(f"{initialiser(d, t.real)}," for d in more)),) * bool(len(more)))
+        limit=limit_of(t, m), widths=nested("width", z.hx, "NX"), thresholds=nested("threshold", z.h, "DIRECTIONS"),
+        by_table=others_of(t, m))
+
+
+def limit_of(t, m: str) -> Table:
+    """Print the box that the estimate stays in."""
+    return Table("limit", f"[{m}_NX]", (), (initialiser(t.box, t.real).strip("{} ") + ",",))
+
+
+def others_of(t, m: str) -> tuple[Table, ...]:
+    """Print the directions that are no coordinates, if there are any."""
+    more = t.shape.directions[t.C.shape[1]:]
+    return (Table("direction", f"[{m}_DIRECTIONS - {m}_NY][{m}_NY]", (),
+                  tuple(f"{initialiser(d, t.real)}," for d in more)),) * bool(len(more))
 
 
 def stage_words(stage: int, anew: int) -> str:
@@ -83,7 +95,7 @@ def state(t, names: Names) -> tuple[list[Member], list[Word], int]:
 
 
 def operations(t, views, n_u: int, n_y: int) -> Operations:
-    """Count the dearest step."""
+    """Count the dearest step of a table."""
     n, rows = len(t.box), len(t.shape.directions) - n_y
     residual, forward, blind = (np.array(v.operations) for v in views)
     multiply, add = (int(c) for c in residual + np.maximum(forward, blind))

@@ -1,5 +1,7 @@
 """Run-time families: one recursion per file, the numpy step that the C must equal bit for bit."""
 
+from .blocks import BlockObserver, BlockTables
+from .box import BoxObserver, BoxTables
 from .coordinates import Coordinates
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
 from .filter import FilterObserver, FilterTables
@@ -7,6 +9,7 @@ from .framer import FramerTables, Variation
 from .interval import IntervalObserver
 from .point import PointObserver, PointTables
 from .runner import Runner
+from .schedule import ScheduleObserver, ScheduleTables
 from .supervisor import Supervision
 from .thresholds import ThresholdObserver, ThresholdTables
 from .tnl import TnlObserver
@@ -14,9 +17,11 @@ from .trace import FilterTrace, PointTrace, Trace
 from .zonotope import ZonotopeObserver, ZonotopeTables
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
-            "thresholds": ThresholdObserver, "ellipsoid": EllipsoidObserver, "filter": FilterObserver}
+            "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
+            "ellipsoid": EllipsoidObserver, "box": BoxObserver, "filter": FilterObserver}
 
-__all__ = ["FAMILIES", "Coordinates", "EllipsoidObserver", "EllipsoidTables", "FilterObserver", "FilterTables",
-           "FilterTrace", "FramerTables", "IntervalObserver",
-           "PointObserver", "PointTables", "PointTrace", "Runner", "Supervision", "ThresholdObserver",
-           "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver", "ZonotopeTables"]
+__all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
+           "EllipsoidTables", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables", "IntervalObserver",
+           "PointObserver", "PointTables", "PointTrace", "Runner", "ScheduleObserver", "ScheduleTables", "Supervision",
+           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver",
+           "ZonotopeTables"]

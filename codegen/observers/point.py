@@ -173,7 +173,6 @@ class PointObserver(Runner):
     tables_class = PointTables
     trace_class = PointTrace
     shape_class: type = object
-    stated = False
 
     @classmethod
     def read(cls, data: dict, sizes: tuple[int, int, int, int]) -> PointTables:
@@ -183,6 +182,10 @@ class PointObserver(Runner):
     def start(self, t: PointTables, runs: int, x0_lo: Array | None = None, x0_hi: Array | None = None):
         """Set all runs to the initial box (``<p>_init``)."""
         self._fill(t, runs, t.x0_lo if x0_lo is None else x0_lo, t.x0_hi if x0_hi is None else x0_hi, True)
+
+    def bits(self, n_y: int) -> int:
+        """Alarm bits: one per output, and with several one for what only their set shows."""
+        return n_y + (n_y > 1)
 
     def fits(self, t: PointTables, x: Array, radius: Array) -> Array:
         """Whether the set has not grown beyond what the margins are proved for, per run."""
@@ -197,7 +200,7 @@ class PointObserver(Runner):
         self.y = np.zeros((runs, n_y), dtype=t.dtype)
         self.phase = np.full(runs, FRESH)
         self.origin = np.full(runs, t.origins - 1)
-        self.guard = SupervisorState(runs, n_y + (n_y > 1), len(t.A))
+        self.guard = SupervisorState(runs, self.bits(n_y), len(t.A))
 
     def _arrive(self, t, measured, y, q):
         """Estimate and set at this sample, started again where the set has grown beyond its limit."""

@@ -114,18 +114,38 @@ class ThresholdObserver(PointObserver):
 
     def judged(self, t: PointTables, q: Array, origin: Array, at: Array, r: Array) -> tuple[Array, Array]:
         """Bounds of each residual, and what is outside: a bit per output and, with several, one for the others."""
-        z, n_y = t.shape, r.shape[1]
-        h = z.h[self._row(t, q, at)]
-        raw = ~(np.abs(r) <= h[:, :n_y])
-        if n_y == 1:
-            return h[:, :1], raw
-        outside = np.zeros(len(r), dtype=bool)
-        for i in range(n_y, len(z.directions)):
-            value = z.directions[i, 0] * r[:, 0]
-            for j in range(1, n_y):
-                value = value + z.directions[i, j] * r[:, j]
-            outside |= ~(np.abs(value) <= h[:, i])
-        return h[:, :n_y], np.concatenate([raw, outside[:, None]], axis=1)
+        return outside(t.shape.directions, t.shape.h[self._row(t, q, at)], r)
+
+
+def outside(directions: Array, h: Array, r: Array, room: Array | float = 0.0) -> tuple[Array, Array]:
+    """Compare residuals with bounds of |d' r| in directions of which the first are the coordinates.
+
+    Parameters
+    ----------
+    directions : ndarray (m, n_y)
+    h : ndarray (S, m)
+    r : ndarray (S, n_y)
+    room : ndarray (S,), optional
+        Added to the bounds of those that are no coordinates.
+
+    Returns
+    -------
+    bound : ndarray (S, n_y)
+        Of each residual.
+    raw : ndarray (S, n_y) or (S, n_y + 1) bool
+        What is outside: a bit per output and, with several, one for the others.
+    """
+    n_y = r.shape[1]
+    raw = ~(np.abs(r) <= h[:, :n_y])
+    if n_y == 1:
+        return h[:, :1], raw
+    others = np.zeros(len(r), dtype=bool)
+    for i in range(n_y, len(directions)):
+        value = directions[i, 0] * r[:, 0]
+        for j in range(1, n_y):
+            value = value + directions[i, j] * r[:, j]
+        others |= ~(np.abs(value) <= h[:, i] + room)
+    return h[:, :n_y], np.concatenate([raw, others[:, None]], axis=1)
 
 
 def refuse(x0_lo, x0_hi) -> None:

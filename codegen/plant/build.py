@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import re
 import tomllib
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from codegen.errors import PlantError
 from codegen.plant.matrices import modes_of
-from codegen.plant.messages import first_error
+from codegen.plant.messages import first_error, unknown
 from codegen.plant.model import Plant, Switching, Target
 from codegen.plant.names import check_plant_name, check_symbols, check_text, prefix_of
 from codegen.plant.polytopic import Polytope
 from codegen.plant.scenarios import scenarios_of
 from codegen.plant.schema import PlantFile, SwitchingTable, TargetTable
 from codegen.plant.signals import initial_box, signals_of
-from codegen.plant.values import shown
+from codegen.plant.values import Cycle, shown
+
+#: Samples in a period of a schedule.
+LONGEST_SCHEDULE = 256
 
 
 def build(text: str, folder: str = "", scenarios: bool = True) -> Plant:
@@ -64,7 +69,7 @@ def build(text: str, folder: str = "", scenarios: bool = True) -> Plant:
         x0_lo=x0_lo,
         x0_hi=x0_hi,
         modes=modes,
-        switching=_switching(file.switching),
+        switching=replace(_switching(file.switching), schedule=_schedule(file, names)),
         method=file.observer.method,
         options=dict(file.observer.model_extra or {}),
         target=_target(file.name, file.target),
@@ -117,6 +122,29 @@ def _switching(table: SwitchingTable) -> Switching:
             )
         return Switching(table.known, late=table.late)
     return Switching(table.known, float(table.average_dwell), float(table.chatter), table.late)
+
+
+def _schedule(file: PlantFile, names: list[str]) -> tuple[int, ...]:
+    """Modes of one period of ``switching.schedule``."""
+    cycle, place = file.switching.schedule, "switching.schedule"
+    if cycle is None:
+        return ()
+    if not isinstance(cycle, Cycle):
+        raise PlantError(f"{place}: is a list (expected a period that repeats). Write e.g. {{ every = 5, order = "
+                         '["a", "b"] }, with every = 1 and all samples of the period if stays differ.')
+    for name in cycle.order:
+        if name not in names:
+            raise PlantError(f"{place}: {unknown('mode', name, names)}")
+    period = [names.index(name) for name in cycle.order for _ in range(cycle.every)]
+    if len(period) > LONGEST_SCHEDULE:
+        raise PlantError(f"{place}: has {len(period)} samples (expected at most {LONGEST_SCHEDULE}: each is a row of a "
+                         "table). Leave it out and give minimum_dwell.")
+    stays = np.diff([k for k in range(2 * len(period)) if period[k % len(period)] != period[(k - 1) % len(period)]])
+    shortest, declared = (min(stays) if len(stays) else np.inf), file.switching.minimum_dwell
+    if declared is not None and shortest * file.time.sample_period < declared * (1 - 1e-9):
+        raise PlantError(f"{place}: has a stay of {shortest * file.time.sample_period:g} s (expected at least the "
+                         f"minimum_dwell of {declared:g} s). Correct one of them.")
+    return tuple(period)
 
 
 def _target(name: str, table: TargetTable) -> Target:

@@ -108,12 +108,15 @@ class Switching:
         the case ``chatter = 1``.
     chatter : float
         Chatter bound N0 >= 1 of Definition 9 (Zammali (2020)).
+    schedule : tuple of int
+        Modes of one period, from sample 0 on, where the file says that they come in turn for ever.
     """
 
     known: bool = True
     average_dwell: float | None = None
     chatter: float = 1.0
     late: bool = False
+    schedule: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -154,13 +154,14 @@ class NonlinearTable(Table):
 
 
 class SwitchingTable(Table):
-    """``[switching]``: dwell times in seconds."""
+    """``[switching]``: dwell times in seconds, or a schedule in samples."""
 
     known: bool = True
     late: bool = False
     average_dwell: Annotated[FiniteFloat, Field(gt=0)] | None = None
     minimum_dwell: Annotated[FiniteFloat, Field(gt=0)] | None = None
     chatter: Annotated[FiniteFloat, Field(ge=1)] = 1.0
+    schedule: Schedule = None
 
 
 class ObserverTable(BaseModel):

@@ -82,9 +82,9 @@ METHODS = {
                           "Farhat, Koenig (2016)", fault_filter, automatic=False),
 }
 #: Options of every method with an error set.
-SETS = {"set": ("zonotope", "ellipsoid"), "order": (2, 200), "tables": ("none", "dwell"), "rows": (1, 200),
-        "stages": (3, 50), "directions": (2, 64),
-        "gains": dict}
+SETS = {"set": ("zonotope", "ellipsoid", "interval"), "order": (2, 200),
+        "tables": ("none", "schedule", "dwell", "arbitrary"), "rows": (1, 200), "stages": (3, 50),
+        "directions": (2, 64), "gains": dict}
 
 
 def known_options(methods: list[str]) -> dict:

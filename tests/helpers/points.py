@@ -7,12 +7,11 @@ import numpy as np
 from codegen.designs import Design
 from codegen.observers import FAMILIES, Supervision
 from codegen.plant.model import Mode, Plant, Signal, Switching, Target
-from codegen.point_sets import CHOICES
-from codegen.points import certified
+from codegen.points import certified, choice_of
 from helpers.designs import GUARDED
 
 
-def random_plant(sizes=(3, 3, 1, 2), seed=0, noises=(2, 2), noise=0.01, name="pt"):
+def random_plant(sizes=(3, 3, 1, 2), seed=0, noises=(2, 2), noise=0.01, name="pt", schedule=()):
     """Stable modes, bounds that are not symmetric, states and outputs in ranges that hold them; one fault on each."""
     n_modes, n_x, n_u, n_y = sizes
     n_w, n_v = noises
@@ -39,7 +38,7 @@ def random_plant(sizes=(3, 3, 1, 2), seed=0, noises=(2, 2), noise=0.01, name="pt
                  x=signals("x", n_x, 5.0), u=signals("u", n_u, 0.3), y=signals("y", n_y, 20.0),
                  w=signals("w", n_w, noise),
                  v=signals("v", n_v, noise), f=(Signal("actuator", "", -1.0, 1.0), Signal("sensor", "", -1.0, 1.0)),
-                 theta=(), x0_lo=np.full(n_x, -0.1), x0_hi=np.full(n_x, 0.2), modes=tuple(modes), switching=Switching(),
+                 theta=(), x0_lo=np.full(n_x, -0.1), x0_hi=np.full(n_x, 0.2), modes=tuple(modes), switching=Switching(schedule=schedule),
                  method="zonotope", options={}, target=Target(name, "float32", "table"), scenarios=())
 
 
@@ -53,8 +52,7 @@ def gains_of(plant, kind):
 def point_design(plant, kind="luenberger", supervision=None, dwell=1, **options):
     """Freeze and certify both number types."""
     gains = gains_of(plant, kind)
-    gains |= CHOICES["tables" if options.get("tables") == "dwell" else options.get("set", "zonotope")](
-        plant, gains, options, dwell)
+    gains |= choice_of(options, "zonotope")(plant, gains, options, dwell)
     made = {real: certified(plant, gains, {"kind": "none"}, real) for real in ("float32", "float64")}
     family = made["float32"][1]["set"]
     observer = FAMILIES[family]({real: t for real, (t, _) in made.items()}, supervision or Supervision())
@@ -81,11 +79,25 @@ VARIANTS = {  # plant, then arguments of ``point_design``: between them every br
     "table of one mode": ({"sizes": (1, 2, 1, 1), "seed": 6}, {"kind": "luenberger", "tables": "dwell", "rows": 6}),
     "table, four outputs": ({"sizes": (2, 4, 0, 4), "noises": (1, 4), "seed": 3},
                             {"kind": "luenberger", "tables": "dwell", "rows": 5, "supervision": GUARDED}),
+    "schedule": ({"seed": 5, "schedule": (0, 0, 1, 1, 1)}, {"kind": "tnl", "tables": "schedule", "rows": 4}),
+    "schedule of one mode": ({"sizes": (1, 2, 1, 1), "seed": 6, "schedule": (0,)},
+                             {"kind": "luenberger", "tables": "schedule", "rows": 2}),
+    "schedule, four outputs": ({"sizes": (2, 4, 0, 4), "noises": (1, 4), "seed": 3, "schedule": (0, 1, 1)},
+                               {"kind": "luenberger", "tables": "schedule", "rows": 5, "supervision": GUARDED}),
+    "blocks": ({"seed": 5}, {"kind": "tnl", "tables": "arbitrary", "rows": 4, "order": 5}),
+    "blocks of one mode": ({"sizes": (1, 2, 1, 1), "seed": 6},
+                           {"kind": "tnl", "tables": "arbitrary", "rows": 3, "order": 4}),
+    "blocks, four outputs": ({"sizes": (2, 4, 0, 4), "noises": (1, 4), "seed": 3},
+                             {"kind": "luenberger", "tables": "arbitrary", "rows": 2, "order": 6,
+                              "supervision": GUARDED}),
     "ellipsoid": ({"seed": 8}, {"kind": "tnl", "set": "ellipsoid"}),
     "ellipsoid, one output": ({"sizes": (1, 2, 0, 1), "noises": (1, 1), "seed": 6},
                               {"kind": "luenberger", "set": "ellipsoid", "supervision": GUARDED}),
     "ellipsoid, four outputs": ({"sizes": (2, 4, 2, 4), "noises": (1, 4), "seed": 3},
                                 {"kind": "luenberger", "set": "ellipsoid"}),
+    "box": ({"seed": 10}, {"kind": "tnl", "set": "interval", "supervision": GUARDED}),
+    "box, one output": ({"sizes": (1, 2, 0, 1), "noises": (1, 0), "seed": 6}, {"kind": "luenberger",
+                                                                               "set": "interval"}),
     "one mode": ({"sizes": (1, 3, 1, 2), "seed": 4}, {"kind": "tnl", "order": 8}),
 }
 

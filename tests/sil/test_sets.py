@@ -9,8 +9,10 @@ from helpers.points import VARIANTS, changed, point_design, random_plant
 from sil.test_equal import stimulus
 
 from codegen.algebra import zonotope
+from codegen.certify.boxes import BoxDemands
 from codegen.host import build
 from codegen.observers import PointTrace
+from codegen.observers.thresholds import ThresholdObserver
 from codegen.observers.zonotope import reduced
 
 LAYOUTS = ("literal", "table", "loop")
@@ -46,7 +48,7 @@ def test_c_equals_the_reference(variant, real, made, tmp_path):
         driver = build(write(design, tmp_path / layout, real, layout))
         trace = driver.run_many(u, y, q)
         assert trace.differs(reference) == [], layout
-        box = {} if design.observer.family == "thresholds" else {"x0_lo": np.full(len(t.box), -0.01),
+        box = {} if isinstance(design.observer, ThresholdObserver) else {"x0_lo": np.full(len(t.box), -0.01),
                                                                  "x0_hi": np.full(len(t.box), 0.3)}
         assert driver.run_many(u[:4], y[:4], q[:4], **box).differs(
             design.observer.run_many(u[:4], y[:4], q[:4], real, **box)) == []
@@ -81,7 +83,14 @@ TABLE_CHANGES = [("< 3U)", "< 4U)"), ("s->stage++;", "s->stage = 1U;"), ("(PT_AN
                  ("return (s->since < PT_ROWS) ? s->since", "return (s->since < 1U) ? 0U")]
 
 
-@pytest.mark.parametrize("variant,changes", [("gain on the new output", CHANGES), ("table", TABLE_CHANGES)])
+BOX_CHANGES = [("next[i] = added[p][o][i]", "next[i] = added[p][0U][i]"), ("size[p][i][k]", "size[p][k][i]"),
+               ("s->origin = p;", "s->origin = PT_MODES;"), ("noise[q][o][i]", "noise[q][0U][i]"),
+               ("radius[i] = spread[o][i] + ", "radius[i] = "),
+               ("<= out->r_bound[i])", "<= (2.0F * out->r_bound[i]))")]
+
+
+@pytest.mark.parametrize("variant,changes", [("gain on the new output", CHANGES), ("table", TABLE_CHANGES),
+                                             ("box", BOX_CHANGES)])
 def test_a_mutant_is_noticed(variant, changes, made, tmp_path):
     """A tie, a column, a margin, a transposition, a mode: the comparison above sees each."""
     design = made(variant)
@@ -134,11 +143,16 @@ def without_rounding(design):
     if design.observer.family == "ellipsoid":
         return changed(design, shape={"k": z.k * 0, "kr": z.kr * 0, "H": z.H * 0, "V": z.V * 0,
                                       "spread": z.spread * 0})
+    if design.observer.family == "box":
+        noise = BoxDemands(design.plant.modes, design.observer.tables["float32"]).columns
+        only = {name: np.abs(noise[f].astype(float)).sum(axis=3).astype(np.float32)
+                for name, f in (("g", "F"), ("gb", "Fb"), ("rho", "V"))}
+        return changed(design, shape=only | {"spread": z.spread * 0})
     return changed(design, shape={"e": z.e * 0, "rho": z.rho * 0, "spread": z.spread - np.float32(0.999) * z.e})
 
 
 @pytest.mark.parametrize("kind,options", [("luenberger", {"order": 6}), ("tnl", {"order": 6}),
-                                          ("tnl", {"set": "ellipsoid"})])
+                                          ("tnl", {"set": "ellipsoid"}), ("tnl", {"set": "interval"})])
 def test_rounding_is_inside_the_set(kind, options, tmp_path):
     """Noise a millionth of the states: the margins decide. Without them the same run loses states or alarms falsely."""
     plant = random_plant(noise=1e-8, seed=7)
@@ -198,6 +212,9 @@ def smaller_sets(design):
     z = design.observer.tables["float32"].shape
     if design.observer.family == "ellipsoid":
         return {"step": {"H": z.H * np.float32(0.02)}, "residual": {"V": z.V * np.float32(0.02)}}
+    if design.observer.family == "box":
+        return {"step": {"g": z.g * np.float32(0.5)}, "residual": {"rho": z.rho * np.float32(0.6)},
+                "carried": {"P": z.P * np.float32(0.2)}, "output": {"S": z.S * np.float32(0.5)}}
     if design.observer.family == "thresholds":
         return {"thresholds": {"h": z.h * np.float32(0.9)}}
     out = {}
@@ -210,7 +227,7 @@ def smaller_sets(design):
 
 @pytest.mark.parametrize("kind,options", [
     ("luenberger", {"order": 12}), ("tnl", {"order": 12}), ("tnl", {"set": "ellipsoid"}),
-    ("tnl", {"tables": "dwell", "rows": 8, "stages": 5})])
+    ("tnl", {"set": "interval"}), ("tnl", {"tables": "dwell", "rows": 8, "stages": 5})])
 def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
     """Corners aligned with the residual at one sample. A generator dropped from the tables, and it alarms falsely."""
     design = point_design(random_plant(seed=9), kind, **options)
@@ -230,7 +247,8 @@ def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
     assert all(alarms.values()), alarms
 
 
-@pytest.mark.parametrize("variant", ["two outputs", "gain on the new output", "one mode", "table", "table of one mode"])
+@pytest.mark.parametrize("variant", ["two outputs", "gain on the new output", "one mode", "table", "table of one mode",
+                                     "box", "box, one output"])
 def test_surely_detected_faults_are_found(variant, made):
     """Modes as slow as the promise asks, hostile noise: a step of the promised size shows by the promised sample."""
     from codegen.analysis.detectability import surely_detected

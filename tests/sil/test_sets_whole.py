@@ -13,10 +13,12 @@ from codegen.plant.load import loads
 from codegen.select import choose
 
 TABLE = TOML.replace('method = "zonotope"', 'method = "zonotope"\ntables = "dwell"')
+BOX = TOML.replace('method = "zonotope"', 'method = "zonotope"\nset = "interval"')
 ROUND = TOML.replace('method = "zonotope"', 'method = "ellipsoid"')
 
 
-@pytest.mark.parametrize("text,family", [(TOML, "zonotope"), (TABLE, "thresholds"), (ROUND, "ellipsoid")])
+@pytest.mark.parametrize("text,family", [(TOML, "zonotope"), (TABLE, "thresholds"), (ROUND, "ellipsoid"),
+                                         (BOX, "box")])
 def test_plant_file_to_validated_firmware(text, family, tmp_path):
     path = tmp_path / "pt.toml"
     path.write_text(text)
@@ -49,6 +51,7 @@ def test_plant_file_to_validated_firmware(text, family, tmp_path):
     ("B = [[0], [1], [0]]", "B = [[0], [1], [0]]\nD = [[1], [0]]", "gains.N: D is not zero"),
     ("[0, 0]], [[0.1", "[0]], [[0.1", "gains.L has shape"),
     ("A = [[0.5, 0.1, 0]", "A = [[1.5, 0.1, 0]", "grows without bound"),
+    ('method = "zonotope"', 'method = "zonotope"\nset = "box"', "set is 'box', expected"),
 ])
 def test_what_is_wrong_is_named(old, new, message):
     assert old in TOML

@@ -18,7 +18,8 @@ def designs():
     plant = random_plant(seed=1)
     return {"zonotope": point_design(plant, "tnl", order=6),
             "thresholds": point_design(plant, "tnl", tables="dwell", dwell=2, rows=4, stages=3),
-            "ellipsoid": point_design(plant, "tnl", set="ellipsoid")}
+            "ellipsoid": point_design(plant, "tnl", set="ellipsoid"),
+            "box": point_design(plant, "tnl", set="interval")}
 
 
 def smaller(value, share=0.9):
@@ -83,6 +84,27 @@ ELLIPSOID = {
 }
 
 
+BOX = {
+    "size of M": lambda t, c: (shape(t, P=smaller(t.shape.P, 1 - 2**-23)), c),
+    "size of A": lambda t, c: (shape(t, Pb=smaller(t.shape.Pb, 1 - 2**-23)), c),
+    "size of C": lambda t, c: (shape(t, S=smaller(t.shape.S, 1 - 2**-23)), c),
+    "what a step adds": lambda t, c: (shape(t, g=smaller(t.shape.g, 0.99)), c),
+    "what a blind step adds": lambda t, c: (shape(t, gb=smaller(t.shape.gb, 0.99)), c),
+    "noise of the residual": lambda t, c: (shape(t, rho=smaller(t.shape.rho, 0.99)), c),
+    "noise of another gain": lambda t, c: (shape(t, rho=t.shape.rho[:, ::-1]), c),
+    "an origin left out": lambda t, c: (shape(t, g=t.shape.g[:, 1:]), c),
+    "spread": lambda t, c: (shape(t, spread=smaller(t.shape.spread)), c),
+    "L": lambda t, c: (replace(t, L=smaller(t.L, 0.999)), c),
+    "N": lambda t, c: (replace(t, N=smaller(t.N, 0.999)), c),
+    "box": lambda t, c: (replace(t, box=smaller(t.box)), c),
+    "limit": lambda t, c: (replace(t, limit=smaller(t.limit, 0.1)), c),
+    "width": lambda t, c: (t, c | {"steady_box": c["steady_box"] | {"width": smaller(
+        np.array(c["steady_box"]["width"]), 0.999).tolist()}}),
+    "half": lambda t, c: (t, c | {"steady_box": c["steady_box"] | {"half": smaller(
+        np.array(c["steady_box"]["half"]), 0.999).tolist()}}),
+}
+
+
 def shape(t: PointTables, **changes) -> PointTables:
     """Other numbers in the set's tables."""
     return replace(t, shape=replace(t.shape, **changes))
@@ -96,7 +118,7 @@ def rows(h, which):
 
 
 @pytest.mark.parametrize("real", ["float32", "float64"])
-@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid"])
+@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid", "box"])
 def test_what_holds_is_accepted(family, real, designs):
     design = designs[family]
     claims = set_claims.check(design.plant.modes, design.observer.tables[real], design.certificate[real])
@@ -118,6 +140,11 @@ def test_an_ellipsoid_tampered_with_is_refused(what, designs):
     check(designs["ellipsoid"], ELLIPSOID[what])
 
 
+@pytest.mark.parametrize("what", BOX)
+def test_a_box_tampered_with_is_refused(what, designs):
+    check(designs["box"], BOX[what])
+
+
 def check(design: Design, tamper) -> None:
     """The certificate no longer holds for the changed numbers."""
     t, cert = tamper(design.observer.tables["float32"], design.certificate["float32"])
@@ -134,7 +161,7 @@ def test_a_gain_on_the_new_output_asks_for_a_plain_output(change, designs):
         set_claims.check(modes, design.observer.tables["float32"], design.certificate["float32"])
 
 
-@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid"])
+@pytest.mark.parametrize("family", ["zonotope", "thresholds", "ellipsoid", "box"])
 def test_design_json_keeps_every_number(family, designs, tmp_path):
     """Tables and family come back as they were written."""
     from helpers.points import TOML

@@ -1,0 +1,173 @@
+"""By how much the conditions of a point observer's error set hold; one entry of ``HELD`` per kind of set.
+
+A new kind needs such an entry: a function (modes, tables, certificate) -> {"alarm": ..., "state": ..., "bounded": ...}
+of margins that are decided in exact arithmetic on the constants of the C.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..certify import residual_gain, thresholds
+from ..certify.ellipsoids import ROOM, EllipsoidDemands
+from ..certify.exact import Q, rational
+from ..certify.rounding import TINY, UNIT
+from ..certify.sets import SetDemands, ZonotopeDemands, column
+from .margins import Margin, _pivots, tightest
+
+Array = np.ndarray
+
+
+def entrywise(what: str, stored: Array, needed: Array, strict: bool = False) -> Margin:
+    """The tightest of stored - needed, entry by entry."""
+    left = rational(stored) - needed
+    return tightest(what, [(x, f"{list(map(int, i))}") for i, x in np.ndenumerate(left)], strict)
+
+
+def reach(t, share: Array | float = 1.0) -> list[Margin]:
+    """The box of the estimate and the limits: what the induction rests on."""
+    wide = np.maximum(rational(t.x_hi) - rational(t.x_lo), rational(t.x0_hi) - rational(t.x0_lo)) / 2
+    most = np.max(np.abs([rational(getattr(t, n)) for n in ("x_lo", "x_hi", "x0_lo", "x0_hi")]), axis=0)
+    return [entrywise("box beyond range plus limit", t.box, most + rational(t.limit)),
+            entrywise("limit beyond the declared range", t.limit, Q(share) * wide + rational(t.shape.spread)[-1])]
+
+
+def zonotope(modes, t, cert: dict) -> dict[str, list[Margin]]:
+    """Of a zonotope: boxes of rounding, room of the membership test, bounds of x, what is kept for ever."""
+    z = t.shape
+    exact = ZonotopeDemands(SetDemands(modes, t), z)
+    out = {"alarm": [entrywise("e beyond what rounding and left over constants add", z.e, exact.error_box()),
+                     entrywise("rho beyond what they add to a residual", z.rho, exact.residual_box()),
+                     Margin("slack of the membership test", Q(z.slack) - exact.slack()),
+                     Margin("floor of the membership test", Q(z.floor) - exact.floor())],
+           "state": [entrywise("spread beyond the noise in the estimate and rounding", z.spread, exact.spread())],
+           "bounded": reach(t)}
+    if cert.get("steady_box"):
+        half, stay, shrink = rational(np.array(cert["steady_box"]["half"])), [], []
+        for q, M in enumerate(exact.of.M):
+            moved = (abs(M) @ column(half)).ravel()
+            pushed = (abs(M) @ column(exact.e)).ravel() + exact.carry(M)
+            for o in range(len(exact.of.gain)):
+                new = moved + pushed + abs(rational(z.F[q, o])).sum(axis=1)
+                stay += [(a - b, f'state {i}, mode "{modes[q].name}"') for i, (a, b) in enumerate(zip(half, new))]
+            shrink += [(a - b, f'state {i}, mode "{modes[q].name}"') for i, (a, b) in enumerate(zip(half, moved))]
+        width = rational(np.array(cert["steady_box"]["width"]))
+        out["ultimate"] = [tightest("box beyond the hull one step later", stay),
+                           tightest("box beyond what M makes of it", shrink, strict=True),
+                           entrywise("width beyond twice box and spread", width,
+                                     2 * (half + np.max(rational(z.spread), axis=0)))]
+    return out
+
+
+def ellipsoid(modes, t, cert: dict) -> dict[str, list[Margin]]:
+    """Of an ellipsoid: its noise shapes, factors, rounding, tangents of the root, room of the membership test."""
+    z, demands, room = t.shape, EllipsoidDemands(modes, t), ROOM[t.real]
+    pivots: dict[str, list] = {"alarm": [], "state": []}
+    shares, rounded = [], []
+    for name, noise, factor, k, matrix in (("H", "F", z.g, z.k, demands.of.M), ("Hb", "Fb", z.gb, z.kb, demands.of.A),
+                                           ("V", "V", z.gr, z.kr, demands.of.C)):
+        for q, mode in enumerate(modes):
+            g, where = Q(factor[q]), f'{name}, mode "{mode.name}"'
+            shares.append((g - 1, where))
+            rounded += [(Q(a) - b, f"{where}, row {i}") for i, (a, b) in enumerate(zip(
+                k[q], np.broadcast_to(demands.rounding(matrix[q], z.weight, g), len(k[q]))))]
+            for o in range(len(demands.of.gain)):
+                S = rational(getattr(z, name)[q, o])
+                lack = S - g / (g - 1) * demands.noise(noise, q, o)
+                for i in range(len(S)):
+                    lack[i, i] = lack[i, i] - room * S[i, i] - demands.small(matrix[q], g)
+                pivots["alarm" if name != "Hb" else "state"] += [
+                    (p, f"{where}, noise of origin {o}, row {i}") for i, p in enumerate(_pivots(lack))]
+    u, tiny, n_y = UNIT[t.real], TINY[t.real], t.C.shape[1]
+    roots = [tightest(f"tangents {a}, {b} above the square root, as 4 a b - (1 + 4u)^2", [
+        (4 * Q(x) * (Q(y) - 4 * tiny) - (1 + 4 * u) ** 2, f"{list(map(int, i))}")
+        for (i, x), y in zip(np.ndenumerate(getattr(z, a)), getattr(z, b).ravel())]) for a, b in (("a", "b"), ("ay", "by"))]
+    own = 4 * u * (rational(t.box) + 2 * rational(t.limit)) + 8 * tiny
+    spread = entrywise("spread beyond the noise in the estimate and rounding", z.spread,
+                       demands.of.carried() * (1 + 4 * u) + own)
+    what = "smallest pivot of shape minus noise, room and small"
+    return {"alarm": [tightest(what, pivots["alarm"], strict=True), tightest("factor 1 + alpha beyond 1", shares, True),
+                      tightest("rounding factor k beyond its demand", rounded), roots[1],
+                      Margin("slack of the membership test", Q(z.slack) - 64 * n_y * u),
+                      Margin("floor of the membership test", Q(z.floor) - 4096 * n_y**3 * tiny)],
+            "state": [tightest(what, pivots["state"], strict=True), roots[0], spread],
+            "bounded": reach(t, np.sqrt(len(t.box)))}
+
+
+def table(modes, t, cert: dict) -> dict[str, list[Margin]]:
+    """Of a table of thresholds: the least room over the supports, and of the boxes of its stages."""
+    rows, boxes = [], []
+    for part, room in thresholds.proved(modes, t, cert).items():
+        rows += [(Q(x), f"{part}, {where}") for x, where in room.thresholds]
+        boxes += [(Q(x), f"{part}, {where}") for x, where in room.boxes]
+    last = np.max(rational(t.shape.hx[[t.shape.anew - 1, -1]]).reshape(-1, len(t.box)), axis=0)
+    middle = abs(rational(t.x_lo) + rational(t.x_hi)) / 2
+    return {"alarm": [tightest("threshold beyond the support of all that can be", rows)] + (
+                [tightest("box of a stage beyond what may leave the one before", boxes)] if boxes else []),
+            "state": [], "bounded": [entrywise("box beyond the middle of the declared range", t.box, middle, True)],
+            "ultimate": [entrywise("width beyond twice the last half widths",
+                                   rational(np.array(cert["steady_box"]["width"])), 2 * last)]}
+
+
+HELD = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": table}
+
+
+def level(modes, t, cert: dict) -> list[Margin]:
+    """The matrix inequality of the gains, its jumps, and the level that is claimed."""
+    model = residual_gain.GainModel(modes, t.L, t.N)
+    lam, g, P = Q(cert["lam"]), Q(cert["g"]), [rational(np.array(p)) for p in cert["P"]]
+    pivots, names = [], model.names
+    for q, r in residual_gain._pairs(P, lam):
+        for H, Z in model.pushes[q]:
+            outputs = model.outputs(q, Z, cert) if cert["kind"] == "hinf" else (None, None)
+            S = residual_gain.block(model.M[q], H, *outputs, P[q], P[r], lam, g)
+            pivots += [(p, f'mode "{names[q]}", then "{names[r]}", row {i}') for i, p in enumerate(_pivots(S))]
+    out = [tightest("smallest pivot of the matrix inequality", pivots, strict=True)]
+    if lam > 0:
+        jumps = [(p, f'from "{names[r]}" to "{names[q]}", row {i}') for q in range(len(P)) for r in range(len(P))
+                 if not np.array_equal(P[q], P[r]) for i, p in enumerate(_pivots(Q(cert["rho"]) * P[r] - P[q]))]
+        out += [tightest("smallest pivot of rho P - P at a jump", jumps, strict=True)] if jumps else []
+    if all(m.holds for m in out):  # the level rests on them
+        out.append(Margin("square of the claimed level beyond the proved one",
+                          Q(cert["level"]) ** 2 - residual_gain._level2(model, cert)))
+    return out
+
+
+def starts(limits: dict, t, runner) -> list[Margin]:
+    """The sets of init and reset against the boxes that the plant file declares.
+
+    Parameters
+    ----------
+    limits : dict
+        "x", "x0" -> (lo, hi).
+    t : PointTables
+    runner : PointObserver
+        Started anew here: its estimate and set are what the C stores.
+
+    Returns
+    -------
+    list of Margin
+    """
+    out = []
+    for name, (lo, hi) in limits.items():
+        out.append(tightest(f"{name} box of the tables beyond the declared one", [
+            case for i in range(len(t.box)) for case in (
+                (Q(lo[i]) - Q(getattr(t, name + "_lo")[i]), f"state {i}, lo"),
+                (Q(getattr(t, name + "_hi")[i]) - Q(hi[i]), f"state {i}, hi"))]))
+        runner.start(t, 1)
+        if name == "x":
+            runner.reset(t, np.ones(1, dtype=bool))
+        centre, whole = rational(runner.x_hat[0]), runner.set[0]
+        half = np.maximum(rational(getattr(t, name + "_hi")) - centre, centre - rational(getattr(t, name + "_lo")))
+        if whole.dtype != t.dtype:  # a table: its first rows are proved for the box
+            continue
+        if hasattr(t.shape, "kb"):
+            square = [Q(x) for x in np.diagonal(whole)]
+            left = 1 - sum((h * h / s for h, s in zip(half, square) if h), Q(0))
+            out.append(Margin(f"1 - h' X^-1 h at the corners of the {name} box", left))
+        else:
+            held = np.abs(rational(whole)).reshape(len(half), -1).sum(axis=1)
+            out.append(entrywise(f"hull of the first set beyond the {name} box", held, half))
+    return out
+
+

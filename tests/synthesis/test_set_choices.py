@@ -1,0 +1,69 @@
+"""Every point method with every set, on the plants of the thesis: designed, certified, no false alarm."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthesis.set_plants import random_path
+
+from codegen.errors import DesignError
+from codegen.observers import FAMILIES, Supervision
+from codegen.plant.load import load
+from codegen.points import explore
+from codegen.synthesis import METHODS, SETS
+
+DATA = Path(__file__).parents[1] / "data"
+PLANTS = {"zammali_zonotope": "zammali_section_6_2_4.toml", "zammali_ellipsoid": "zammali_section_6_3_5.toml"}
+#: A single design of each method, or else its whole search; "printed": gains in the plant file.
+CHEAP = {"zonotope": {"criterion": "hinf", "lyapunov": "common"},
+         "ellipsoid": {"structure": "tnl", "lambda": 0.8, "beta": 0.01}, "printed": {}}
+METHOD = [name for name, m in METHODS.items() if not m.framers]
+#: The printed gains of 6.2.4 are unstable under alternate switching, which the plant does not exclude: no set. Those of
+#: the last are stable, |A - L C| is not: no box.
+GROWS = {*(("zammali_zonotope", "printed", which) for which in SETS["set"]),
+         ("zammali_ellipsoid", "zonotope", "interval")}
+
+
+def gains(plant):
+    data = tomllib.loads((DATA / PLANTS[plant]).read_text())
+    return {"gains": {k: data[k] for k in ("L", "N") if k in data}}
+
+
+def outputs(plant, modes, noise, rng):
+    """Outputs of the plant without input, from a corner of the initial box, noise in corners scaled by ``noise``."""
+    x, y = np.where(rng.random(plant.n_x) < 0.5, plant.x0_lo, plant.x0_hi), []
+    for q in modes:
+        m = plant.modes[q]
+        w, v = (noise * np.where(rng.random(len(lo)) < 0.5, lo, hi) for lo, hi in ((m.w_lo, m.w_hi), (m.v_lo, m.v_hi)))
+        y.append(m.C @ x + m.Dv @ v)
+        x = m.A @ x + m.Bw @ w
+    return np.array(y)
+
+
+@pytest.mark.parametrize("which", SETS["set"])
+@pytest.mark.parametrize("method", [*METHOD, "printed"])
+@pytest.mark.parametrize("name", PLANTS)
+def test_no_false_alarm(name, method, which):
+    """Corner noise through the reference in float32: nothing. Eight times as much: alarms, so the set is tight."""
+    plant = load(name)
+    options = CHEAP.get(method, {}) | {"set": which} | (gains(name) if method == "printed" else {})
+    entry = METHODS["zonotope" if method == "printed" else method]
+    if (name, method, which) in GROWS:
+        with pytest.raises(DesignError, match="grows without bound.*or take gains that decay faster"):
+            next(explore(plant, entry.module, entry.family, options, lambda text: None))
+        return
+    made = next(explore(plant, entry.module, entry.family, options, lambda text: None))
+    observer = FAMILIES[made.cert["set"]]({"float32": made.tables}, Supervision())
+    rng = np.random.default_rng(0)
+    modes = np.array([random_path(rng, 3, 3, 80) for _ in range(12)])
+    if name == "zammali_ellipsoid":  # bounded with the modes in turn only
+        modes = np.array([(np.arange(80) // every + first) % 3 for every in (2, 3, 5) for first in range(3)])
+    u = np.zeros((*modes.shape, plant.n_u), dtype=np.float32)
+    alarms = {}
+    for noise in (1, 8):
+        y = np.array([outputs(plant, path, noise, rng) for path in modes], dtype=np.float32)
+        trace = observer.run_many(u, y, modes)
+        assert trace.assured.any()
+        alarms[noise] = int((trace.raw_bits != 0).sum())
+    assert alarms[1] == 0 and alarms[8] > 100
