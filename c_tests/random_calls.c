@@ -53,6 +53,7 @@ static void any_inputs(T(in) *in)
     }
 }
 
+#if !CASE_FILTER
 static void any_box(T(real) *lo, T(real) *hi, const T(real) *least, const T(real) *most)
 {
 #if CASE_POINT
@@ -97,11 +98,22 @@ static void any_box(T(real) *lo, T(real) *hi, const T(real) *least, const T(real
 #endif
 }
 
+#endif
+
 static void any_framers(T(state) *s)
 {
+#if CASE_FILTER
+    for (uint32_t i = 0U; i < M(NS); i++)
+    {
+        /* Small and large, some beyond every limit. */
+        s->xi[i] = between(-1, 1) * (T(real))(1U << draw(16U)) / 64;
+    }
+    s->since = draw(M(LAST) + 2U);
+#else
     any_box(s->x_lo, s->x_hi, x_lo, x_hi);
 #if CASE_HAS_Z
     any_box(s->z_lo, s->z_hi, z_lo, z_hi);
+#endif
 #endif
 }
 

@@ -255,8 +255,8 @@ def check_assurance(folder) -> dict:
     from .assurance import document
 
     if not is_stated(folder):
-        raise CertificateError(f"{folder}: a point observer (found), expected a pair of framers: assurance.json is "
-                               "made for these alone. residua certify re-checks the claims of the design.")
+        raise CertificateError(f"{folder}: a fault estimation filter (found), expected framers or a point observer: "
+                               "assurance.json is made for these alone. residua certify re-checks the claims.")
     return document.verify(folder, read_checked(folder))
 
 

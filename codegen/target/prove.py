@@ -85,6 +85,9 @@ def prove(folder: str | Path) -> ProofResult:
     if "x_hat" in (name for name, *_ in record.get("out", ())):
         raise ToolError(f"{folder}: a point observer (found), expected a pair of framers: Frama-C does not follow its "
                         "error set. residua certify, fuzz and validate check it.")
+    if "f_hat" in (name for name, *_ in record.get("out", ())):
+        raise ToolError(f"{folder}: a fault estimation filter (found), expected a pair of framers: no harness is made "
+                        "for it. residua certify, fuzz and validate check it.")
     sources = [f"{prefix}.c", f"prove_{prefix}.c"]
     for name in sources:
         if not (folder / name).is_file():
