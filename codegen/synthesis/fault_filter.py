@@ -10,8 +10,8 @@ of about one; the C has the units of the plant file. So the problem is stated in
 rounding), of the ranges for u and f, and the constants of the C are those of the filter in the plant's units, rounded:
 what is certified is these, taken back exactly.
 
-Source: A. Farhat, D. Koenig, switched uncertain H-infinity fault detection filter (slides), 2016. Differences from the
-print: those named in ``hinf_filter``; inputs u are known; a threshold for the estimate (``certify.filter_bounds``).
+Source: A. Farhat, D. Koenig, switched uncertain H-infinity fault detection filter (slides), 2016.
+Differences from the print: those named in ``hinf_filter``; inputs u are known; a threshold for the estimate (``certify.filter_bounds``).
 """
 
 from __future__ import annotations
