@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 
+import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
+
 from .analysis.worst_sequence import worst_run
 from .certify import filter_bounds
 from .certify.exact import Q, up
@@ -14,7 +17,8 @@ from .filter_tables import frozen
 from .filters import certify_proposal, propose
 from .observers import FilterTables
 from .plant.model import Plant
-from .synthesis.fault_filter import stated
+from .synthesis.fault_filter import copies, stated, with_copy
+from .synthesis.hinf_analysis import closed_loop
 
 SYNTHESES = ("slack", "projection")
 
@@ -29,7 +33,7 @@ def explore(plant: Plant, options: dict, progress: Callable[[str], None]) -> Ite
     CertificateError
         None survives rounding.
     """
-    problem, _ = stated(plant, options)
+    problem, _ = stated(plant, options, not copies(plant, options))
     synthesis = options.get("synthesis", "slack")
     progress(f"{synthesis}: {len(problem.modes)} modes, {problem.sizes[0]} states")
     proposal = propose(problem, synthesis, float(options.get("order_loss", 0.0)),
@@ -51,11 +55,16 @@ def certified(plant: Plant, gains: dict, options: dict, real: str) -> tuple[Filt
     """
     problem, units = stated(plant, options)
     proposal = gains["proposal"]
-    constants = units.emitted(proposal.gains, real)
-    level, proof = certify_proposal(problem, units.gains(constants), proposal.start)
+    if copies(plant, options):
+        _, apart = stated(plant, options, False)
+        constants = with_copy(apart.emitted(proposal.gains, real), plant.observed.modes, real)
+        start = start_of(problem, units.gains(constants))
+    else:
+        constants, start = units.emitted(proposal.gains, real), proposal.start
+    level, proof = certify_proposal(problem, units.gains(constants), start)
     reached = None
     if real == plant.target.real:
-        reached = worst_run(problem.modes, proposal.gains, problem.switching, level, steps=60, beam=4).gain
+        reached = worst_run(problem.modes, units.gains(constants), problem.switching, level, steps=60, beam=4).gain
     rows = options.get("set_rows")
     graph = filter_bounds.Graph.of(problem.switching)
     t, held = frozen(plant, constants, graph, real, None if rows is None else int(rows))
@@ -63,6 +72,18 @@ def certified(plant: Plant, gains: dict, options: dict, real: str) -> tuple[Filt
     return t, {"kind": "filter", "level": level, "claimed": proposal.claimed, "reached": reached, "energy": proof,
                "set_of_both": held, "steady_box": None, "dwell_add": add, "dwell_drain": drain, "dwell_limit": limit,
                "post": [x.tolist() for x in proposal.xi]}
+
+
+def start_of(problem, gains) -> dict:
+    """Where the search for a level starts: states of the size that the unknowns give them, averaged over the modes."""
+    reach = 0.0
+    for m, gain in zip(problem.modes, gains):
+        move, _ = closed_loop(m, gain)
+        k = len(move)
+        A, E = move[:, :k], move[:, k:k + m.E.shape[1]]
+        reach = reach + solve_discrete_lyapunov(A, E @ E.T) / len(problem.modes)
+    reach = reach + 1e-9 * np.trace(reach) / len(reach) * np.eye(len(reach))
+    return {"P": [np.linalg.inv((reach + reach.T) / 2)] * len(problem.switching.mode)}
 
 
 def check(plant: Plant, t: FilterTables, cert: dict) -> list[str]:

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from .algebra.template_set import combinations, independent, largest
+from .algebra.template_set import combinations, independent, largest, walks
 from .certify import filter_bounds
 from .certify.exact import Q, down, up
 from .certify.filter_model import JointMode, boxes, joint, joint_mode, parts
@@ -23,6 +23,8 @@ ROWS, CLOSE, STEP = 64, 1.01, 4
 ABOVE, MOST = 1.002, 400
 #: Rows of a beginning at most; where it lasts longer a row holds for two, four, ... samples.
 LENGTH = 20
+#: Samples that runs are followed back.
+LONG = 120
 #: Unknown numbers of a mode that are taken at both ends where runs are looked for.
 MOST_NUMBERS = 6
 #: An initial box may raise the last thresholds by so much; else the firmware starts from anywhere.
@@ -63,6 +65,7 @@ class Chooser:
         self.O = [floats(m.O) for m in model]
         self.S = [floats(filter_bounds.seen(m)) for m in model]
         self.n = len(self.J[0])
+        self.paths = backwards(graph, len(model), LONG)
         self.sizes = np.zeros(self.n + sum(map(len, self.S)))  # of the unit rows and of S, as far as runs reach
 
     def reached(self, rows: Array) -> Array:
@@ -71,14 +74,14 @@ class Chooser:
         value = self.sizes
         for _ in range(8):
             pushes = self._pushes(value)
-            new = largest(self.J, pushes, asked, 60, 40)
+            new = largest(self.J, pushes, asked, self.paths[1:61]).max(axis=0)
             if np.all(new <= value * (1 + 1e-3)):
                 break
             value = new
             if not np.max(value) < 1e12:
                 break
         self.sizes = value
-        return largest(self.J, self._pushes(value), rows)
+        return largest(self.J, self._pushes(value), rows, self.paths[1:]).max(axis=0)
 
     def _pushes(self, value: Array) -> list[Array]:
         """Columns of disturbance and of what is uncertain, for sizes of the unit rows and of S."""
@@ -130,7 +133,7 @@ class Chooser:
                 carry[p].pop(i)
 
     def _worth(self, rows: Array, carry: list[dict], b: Array) -> tuple[Array, float]:
-        """How much each bound counts in the estimate's, and that one; a guess where the bounds are not kept."""
+        """How much each combination counts in the estimate's bound along runs, (N, m), and that bound."""
         m = len(rows)
         G = np.zeros((len(carry), m, m))
         for g, known, J in zip(G, carry, self.J):
@@ -138,17 +141,26 @@ class Chooser:
                 g[i, :len(row)] = np.abs(row)
                 g[i, :self.n] += np.abs(rows[i] @ J - row @ rows[:len(row)])
         omega = [np.abs(rows @ W).sum(axis=1) for W in self._pushes(self.sizes)]
-        for _ in range(1000):
-            after = np.max([g @ b + o for g, o in zip(G, omega)], axis=0)
-            if np.all(after <= b * (1 + 1e-6)):
-                break
-            b = np.maximum(b, after)
-            if not np.max(b) < 1e12:
-                return 1 / np.maximum(self.reached(rows), 1e-300), np.inf
-        active = np.argmax([g @ b + o for g, o in zip(G, omega)], axis=0)
-        chosen = G[active, np.arange(m)]
         outs = np.abs(combinations(rows, np.maximum(b, 1e-9 * np.max(b)), np.concatenate(self.O)))
-        return np.max(np.linalg.solve(np.eye(m) - chosen.T, outs.T), axis=1).clip(0), float(np.max(outs @ b))
+        count, worth = min(20, self.paths.shape[1]), np.zeros((len(carry), m))
+        for path in self.paths[1:61, :count].T:
+            w = outs.max(axis=0)
+            for q in path:
+                worth[q] += w / count
+                w = w @ G[q]
+                if not np.max(w) < 1e6:
+                    break
+        bounds = np.tile(b, (len(self.graph.mode), 1))
+        for _ in range(1000):
+            after = bounds.copy()
+            for a, p, to in self.graph.edges:
+                after[to] = np.maximum(after[to], G[p] @ bounds[a] + omega[p])
+            if np.all(after <= bounds * (1 + 1e-6)):
+                return worth, float(np.max(bounds @ outs.T))
+            bounds = after
+            if not np.max(bounds) < 1e12:
+                break
+        return worth, np.inf
 
     def combined(self, rows: Array, b: Array) -> dict:
         """Combinations for bounds b (m,), as the certificate holds them."""
@@ -225,7 +237,15 @@ def thresholds(plant: Plant, given: dict, graph: filter_bounds.Graph, most: int 
                           "(found none), so there is no threshold. State a dwell time or narrower bounds, or raise "
                           "observer.set_rows.")
     tables, cert = laid_out(plant, t, graph, *kept, chooser)
-    return tables, cert | {"reached": reached(plant, t).tolist()}
+    return tables, cert | {"reached": reached(plant, t, graph).tolist()}
+
+
+def backwards(graph: filter_bounds.Graph, n_modes: int, length: int, runs: int = 60) -> Array:
+    """Mode sequences that the switching admits, the last sample first, (length + 1, runs)."""
+    if graph.mode == (None,):
+        every = list(range(n_modes))
+        return walks(every, [every] * n_modes, length, runs)
+    return walks(graph.mode, [[a for a, _, b in graph.edges if b == to] for to in range(len(graph.mode))], length, runs)
 
 
 def corners(m) -> list:
@@ -238,19 +258,29 @@ def corners(m) -> list:
     for signs in product((-1, 1), repeat=min(len(effects), MOST_NUMBERS)):
         both = np.concatenate([A, B], axis=1) + sum(s * e for s, e in zip(signs, effects))
         AB = floats(np.asarray(both, dtype=object))
-        plain |= {"A": AB[:, :A.shape[1]], "B": AB[:, A.shape[1]:], "A_rad": 0 * m.A_rad, "B_rad": 0 * m.B_rad}
+        plain |= {"A": AB[:, :A.shape[1]], "B": AB[:, A.shape[1]:], "A_rad": 0 * m.A_rad, "B_rad": 0 * m.B_rad,
+                  "more": {}, **{name: getattr(m, name) + np.tensordot(signs[:len(unc)], unc, 1)
+                                 for name, unc in m.more.items()}}
         out.append(replace(m, **plain))
     return out
 
 
-def reached(plant: Plant, t) -> Array:
+def reached(plant: Plant, t, graph: filter_bounds.Graph) -> Array:
     """What |f_hat| reaches in each mode on some run without fault, (N, n_f): no threshold can be below that."""
-    vertices = [joint_mode(c, t, q) for q, m in enumerate(plant.observed.modes) for c in corners(m)]
-    rows = [joint_mode(m, t, q) for q, m in enumerate(plant.observed.modes)]
+    ends = [[joint_mode(c, t, q) for c in corners(m)] for q, m in enumerate(plant.observed.modes)]
+    first = np.cumsum([0, *map(len, ends)])
+    vertices, rows = [v for group in ends for v in group], [joint_mode(m, t, q) for q, m in
+                                                            enumerate(plant.observed.modes)]
+    paths, rng = backwards(graph, len(rows), LONG, 200), np.random.default_rng(0)
+    pick = rng.random((len(paths), 200)) if len(vertices) > len(rows) else np.zeros((len(paths), 200))
+    pick[:, ::2] = pick[:1, ::2]  # a number that stays, or changes at each sample
+    steps = first[paths] + (pick * np.array([len(g) for g in ends])[paths]).astype(int)
     low = largest([floats(v.J) for v in vertices], [floats(v.W) for v in vertices],
-                  np.concatenate([floats(m.O) for m in rows]), runs=len(vertices) + 200)
-    room = np.array([[float(x) for x in m.room] for m in rows])
-    return low.reshape(room.shape) + room
+                  np.concatenate([floats(m.O) for m in rows]), steps[1:])
+    n_f, out = len(rows[0].room), []
+    for q, m in enumerate(rows):
+        out.append(np.max(low[paths[0] == q, q * n_f:(q + 1) * n_f], axis=0) + [float(x) for x in m.room])
+    return np.array(out)
 
 
 def laid_out(plant: Plant, t, graph, cert: dict, found, b: Array, chooser: Chooser) -> tuple[dict, dict]:
@@ -258,7 +288,7 @@ def laid_out(plant: Plant, t, graph, cert: dict, found, b: Array, chooser: Choos
     rows, n_x, n_s = np.array(cert["rows"]), len(t.x_lo), t.M.shape[1]
     reach = [np.concatenate([t.L[q] * np.maximum(abs(t.y_lo), abs(t.y_hi)), t.G[q] * np.maximum(abs(t.u_lo),
              abs(t.u_hi))], axis=1).astype(float) for q in range(len(t.M))]
-    driven = largest([M.astype(float) for M in t.M], reach, np.eye(n_s))
+    driven = largest([M.astype(float) for M in t.M], reach, np.eye(n_s), chooser.paths).max(axis=0)
     t.limit = above(1.5 * np.maximum(driven, np.max(b, axis=0)[n_x:n_x + n_s]) + 1e-30, t.real)
     initial, declared = boxes(t, plant.x0_lo, plant.x0_hi)
     initial, anywhere = (np.tile(filter_bounds.supports(rows, half), (len(b), 1))

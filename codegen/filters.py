@@ -13,7 +13,7 @@ from .errors import CertificateError, DesignError
 from .synthesis import hinf_filter, hinf_projection
 from .synthesis.hinf_analysis import balanced, level_of, rounded, stability_margin
 from .synthesis.hinf_filter import REMEDY
-from .synthesis.hinf_problem import FilterProblem
+from .synthesis.hinf_problem import FilterProblem, is_slight, without_slight
 from .synthesis.hinf_reduction import reduce_order
 from .synthesis.hinf_weights import post_scaling, scaled
 
@@ -45,6 +45,26 @@ class CertifiedFilter:
     proof: dict
 
 
+def proofs(problem: FilterProblem, gains, start: dict):
+    """Proofs to be tried: of the problem, then of it less its slight uncertainties with multipliers of theirs beside."""
+    some = False
+    for margin in MARGINS:
+        found = level_of(problem, gains, start, margin)
+        if found is not None:
+            some = True
+            yield found.proof | {"level2": float(found.gamma**2 * (1 + 1e-9))}
+    if some or not any(is_slight(b) for m in problem.modes for b in m.blocks):
+        return
+    for margin in MARGINS[1:]:
+        found = level_of(without_slight(problem), gains, start, margin)
+        for tau in () if found is None else (1e-2, 1.0, 1e2, 1e-4, 1e4):
+            rows = []
+            for m, known in zip(problem.modes, found.proof["multipliers"]):
+                known = iter(known)
+                rows.append([{"tau": tau} if is_slight(b) else next(known) for b in m.blocks])
+            yield found.proof | {"multipliers": rows, "level2": float(found.gamma**2 * (1 + 1e-6))}
+
+
 def certify_filter(problem: FilterProblem, gains, start: dict) -> tuple[float, dict]:
     """Level of given gains, and its proof, checked in exact arithmetic.
 
@@ -67,11 +87,7 @@ def certify_filter(problem: FilterProblem, gains, start: dict) -> tuple[float, d
         No level is proved.
     """
     reason = "the solver finds no level for the rounded gains. Try float64, or scale states and signals to about 1."
-    for margin in MARGINS:
-        found = level_of(problem, gains, start, margin)
-        if found is None:
-            continue
-        proof = found.proof | {"level2": float(found.gamma**2 * (1 + 1e-9))}
+    for proof in proofs(problem, gains, start):
         proof["P"] = [np.asarray(p).tolist() for p in proof["P"]]
         try:
             level2 = check_gain(problem.modes, problem.names, problem.switching, gains, proof)
@@ -116,7 +132,13 @@ def propose(problem: FilterProblem, synthesis: str = "slack", loss: float = 0.0,
     """
     if synthesis not in ("slack", "projection"):
         raise DesignError(f'hinf-filter: synthesis is {synthesis!r}, expected "slack" or "projection".')
-    design = hinf_filter.design(problem)
+    try:
+        design = hinf_filter.design(problem)
+    except DesignError:
+        slight = without_slight(problem)
+        if all(len(a.blocks) == len(b.blocks) for a, b in zip(slight.modes, problem.modes)):
+            raise
+        design = hinf_filter.design(slight)
     if synthesis == "projection":
         design = hinf_projection.design(problem, design).design
     claimed = design.gamma

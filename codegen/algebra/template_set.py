@@ -71,34 +71,59 @@ def combinations(rows: Array, bounds: Array, wanted: Array) -> Array:
             continue
         both = found.x * size / scale.max()
         out[k] = both[:len(rows)] - both[len(rows):]
-    return np.round(out, DIGITS - np.floor(np.log10(np.maximum(np.abs(out), 1e-300))).astype(int).clip(-12, 12).max())
+    most = np.max(np.abs(out), axis=1, initial=1e-12)
+    return np.array([np.round(row, int(DIGITS - np.clip(np.floor(np.log10(size)), -12, 12)))
+                     for row, size in zip(out, most)]).reshape(out.shape)
 
 
-def largest(steps: Sequence[Array], pushes: Sequence[Array], rows: Array, length: int = 120, runs: int = 60,
-            seed: int = 0) -> Array:
-    """Largest |r_i e| over random and constant mode sequences from e = 0, every input at its worst: a lower bound.
+def walks(mode: Sequence[int], before: Sequence[Sequence[int]], length: int, runs: int, seed: int = 0) -> Array:
+    """Random paths of a switching graph, backwards in time; some stay in a mode for long, some leave when they can.
+
+    Parameters
+    ----------
+    mode : sequence of int
+        Of each node.
+    before : sequence of sequence of int
+        Nodes that may precede each node.
+    length, runs, seed : int
+
+    Returns
+    -------
+    ndarray (length + 1, runs) int
+        Modes; the last sample first.
+    """
+    rng, hold = np.random.default_rng(seed), np.random.default_rng(seed + 1).uniform(0, 1, runs)
+    hold[:len(mode)] = 1.0  # each mode alone, where it may stay
+    node, out = np.arange(runs) % len(mode), []
+    for _ in range(length + 1):
+        out.append(np.asarray(mode)[node])
+        stay = rng.random(runs) <= hold
+        for r, a in enumerate(node):
+            same = [b for b in before[a] if mode[b] == mode[a]] if stay[r] else []
+            options = same or before[a]
+            node[r] = options[int(rng.integers(len(options)))]
+    return np.array(out)
+
+
+def largest(steps: Sequence[Array], pushes: Sequence[Array], rows: Array, paths: Array) -> Array:
+    """Largest |r_i e| along mode sequences from e = 0, every input at its worst: a lower bound of what is possible.
 
     Parameters
     ----------
     steps : sequence of ndarray (n, n)
     pushes : sequence of ndarray (n, g)
     rows : ndarray (m, n)
-    length, runs, seed : int
+    paths : ndarray (length, runs) int
+        Step of each sample, the last one first.
 
     Returns
     -------
-    ndarray (m,)
+    ndarray (runs, m)
     """
-    rng, n = np.random.default_rng(seed), rows.shape[1]
-    best = np.zeros(len(rows))
-    for run in range(runs):
-        hold = rng.uniform(0, 1)
-        q = run % len(steps)
-        back, total = np.eye(n), np.zeros(len(rows))
-        for _ in range(length):
-            total += np.abs(rows @ back @ pushes[q]).sum(axis=1)
-            back = back @ steps[q]
-            if run >= len(steps) and rng.random() > hold:
-                q = int(rng.integers(len(steps)))
-        best = np.maximum(best, total)
-    return best
+    wide, runs = max(W.shape[1] for W in pushes), paths.shape[1]
+    A, W = np.array(steps), np.array([np.pad(push, ((0, 0), (0, wide - push.shape[1]))) for push in pushes])
+    back, total = np.broadcast_to(rows, (runs, *rows.shape)), np.zeros((runs, len(rows)))
+    for q in paths:
+        total += np.abs(back @ W[q]).sum(axis=2)
+        back = back @ A[q]
+    return total

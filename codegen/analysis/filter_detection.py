@@ -24,11 +24,17 @@ class Response:
         n_s = len(t.limit)
         L, M, K, Dy = (getattr(t, k)[q].astype(float) for k in ("L", "M", "K", "Dy"))
         A, unsure = middle(m)
+        spread = {name: np.abs(value).sum(axis=0) for name, value in getattr(m, "more", {}).items()}
+        C_off, Df_off = spread.get("C", 0 * m.C), spread.get("Df", 0 * m.Df)
         self.A = np.block([[A, np.zeros((len(A), n_s))], [L @ m.C, M]])
         self.unsure = np.zeros_like(self.A)
         self.unsure[:len(A), :len(A)] = unsure
+        self.unsure[len(A):, :len(A)] = np.abs(L) @ C_off
         self.unsure[len(A):, len(A):] = 2.0 * np.finfo(t.dtype).eps * (n_s + 2) * np.abs(M)
         self.E = np.concatenate([m.Bf, L @ m.Df])
+        self.E_unsure = np.concatenate([spread.get("Bf", 0 * m.Bf), np.abs(L) @ Df_off])
+        self.C_unsure = np.concatenate([np.abs(Dy) @ C_off, np.zeros_like(K)], axis=1)
+        self.F_unsure = np.abs(Dy) @ Df_off
         self.C, self.F = np.concatenate([Dy @ m.C, K], axis=1), Dy @ m.Df
 
 
@@ -77,9 +83,10 @@ def along(modes: list[Response], bound: Array, path, channel: int) -> Array:
     for q in path:
         m = modes[q]
         least = np.abs(m.C @ e + m.F[:, channel]) - np.abs(m.C) @ radius
+        least = least - m.C_unsure @ (np.abs(e) + radius) - m.F_unsure[:, channel]
         with np.errstate(divide="ignore"):
             best = min(best, np.min(np.where(least > 1e-12, bound[q] / np.maximum(least, 1e-300), np.inf)))
         found.append(best)
-        radius = np.abs(m.A) @ radius + m.unsure @ (np.abs(e) + radius)
+        radius = np.abs(m.A) @ radius + m.unsure @ (np.abs(e) + radius) + m.E_unsure[:, channel]
         e = m.A @ e + m.E[:, channel]
     return np.array(found)

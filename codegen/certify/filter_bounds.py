@@ -137,17 +137,20 @@ def maps(model: tuple[JointMode, ...], cert: dict, n_s: int) -> Maps:
     for m, carry, sees, estimate in zip(model, cert["carry"], cert["sees"], cert["out"], strict=True):
         g = c.sizes(product(c.rows, m.J), carry)
         o = abs(product(c.rows, m.W)).sum(axis=1)
+        f, free = c.sizes(m.O, estimate), m.room.copy()
         known = iter(c.sizes(seen(m), sees))
         for p in m.pushes:
             bound = next(known) if np.any(p.S != 0) else zeros(len(c.rows))
             bound[:c.n] += p.weight
+            for k in np.flatnonzero(p.seen != 0):
+                f[k] += p.seen[k] * bound
+                free[k] += p.seen[k] * p.room
             reach = abs(c.rows @ p.h)
             for i in np.flatnonzero(reach != 0):
                 g[i] += reach[i] * bound
                 o[i] += reach[i] * p.room
-        f = c.sizes(m.O, estimate)
         f[:, :c.n] += m.weight
-        for store, value in zip((G, omega, out, room), (g, o, f, m.room)):
+        for store, value in zip((G, omega, out, room), (g, o, f, free)):
             store.append(raised(value))
     still = c.rows.copy()
     still[:, c.n - n_s:] *= 0

@@ -25,12 +25,16 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Push:
-    """One unknown: its column h, and S, weight, room of its bound; all rational object arrays."""
+    """One unknown: its column h, and S, weight, room of its bound; all rational object arrays.
+
+    ``seen`` (n_f,) is how much of it f_hat holds at once, in magnitude.
+    """
 
     h: Array
     S: Array
     weight: Array
     room: fmpq
+    seen: Array
 
 
 @dataclass(frozen=True)
@@ -102,15 +106,22 @@ def joint_mode(m, t, q: int) -> JointMode:
         seen = product(Dy, to_y) if to_y is not None else zeros(len(Dy), to_x.shape[1])
         W.append(np.concatenate([to_x, own if to_xi is None else own + to_xi], axis=0))
         direct.append(seen if to_f is None else seen + to_f)
-    pushes = [Push(_unit(i, n_x + n_s), _padded(row[:n_x], n_s), zeros(n_x + n_s), _size(row[n_x:], u))
-              for effect in effects for i, row in enumerate(effect) if any(row != 0)]
-    pushes += [Push(_unit(i, n_x + n_s), zeros(n_x + n_s), _padded(row[:n_x], n_s), _size(row[n_x:], u))
+    nothing = zeros(len(K))
+    pushes = []
+    for effect in others(m, effects):
+        for i, row in enumerate(effect):
+            if any(row != 0):
+                h = _unit(i, n_x + n_s) if i < n_x else np.concatenate([zeros(n_x), L[:, i - n_x]])
+                room = _size(row[n_x:], np.concatenate([w, v, u]))
+                pushes.append(Push(h, _padded(row[:n_x], n_s), zeros(n_x + n_s), room,
+                                   nothing if i < n_x else abs(Dy[:, i - n_x])))
+    pushes += [Push(_unit(i, n_x + n_s), zeros(n_x + n_s), _padded(row[:n_x], n_s), _size(row[n_x:], u), nothing)
                for i, row in enumerate(rest) if any(row != 0)]
     rate, tiny = _rate(t, n_s)
     for i in range(n_s):
         size = _size(G[i], u) + _size(L[i], y)
         weight = np.concatenate([zeros(n_x), rate * abs(M[i])])
-        pushes.append(Push(_unit(n_x + i, n_x + n_s), zeros(n_x + n_s), weight, rate * size + tiny))
+        pushes.append(Push(_unit(n_x + i, n_x + n_s), zeros(n_x + n_s), weight, rate * size + tiny, nothing))
     weight = np.concatenate([zeros(len(K), n_x), rate * abs(K)], axis=1)
     fixed = abs(np.concatenate(direct, axis=1)).sum(axis=1)
     room = np.array([a + rate * (_size(d, u) + _size(e, y)) + tiny for a, d, e in zip(fixed, Du, Dy)], dtype=object)
@@ -139,6 +150,21 @@ def _rate(t, n_s: int) -> tuple[fmpq, fmpq]:
     """What a sum in the C can be off by, relative to the sizes of its terms, and in addition."""
     terms = n_s + t.L.shape[2] + t.G.shape[2]
     return (terms + 2) * UNIT[t.real] * fmpq(101, 100), 4 * (terms + 1) * TINY[t.real]
+
+
+def others(m, effects: list[Array]) -> list[Array]:
+    """Effects on [x+; y] over [x; w; v; u], from those on x+ over [x; u] and what the other matrices hold."""
+    n_x, n_y, n_w, n_v, n_u = len(m.A), len(m.C), m.Bw.shape[1], m.Dv.shape[1], m.B.shape[1]
+    more, out = getattr(m, "more", {}), []
+    at = {"C": (n_x, 0), "Bw": (0, n_x), "Dw": (n_x, n_x), "Dv": (n_x, n_x + n_w), "D": (n_x, n_x + n_w + n_v)}
+    for k, effect in enumerate(effects):
+        whole = zeros(n_x + n_y, n_x + n_w + n_v + n_u)
+        whole[:n_x, :n_x], whole[:n_x, n_x + n_w + n_v:] = effect[:, :n_x], effect[:, n_x:]
+        for name in set(more) & set(at) if k < len(m.A_unc) else ():
+            value, (i, j) = rational(more[name][k]), at[name]
+            whole[i:i + value.shape[0], j:j + value.shape[1]] = value
+        out.append(whole)
+    return out
 
 
 def parts(m) -> tuple[Array, Array, list[Array], Array]:

@@ -23,14 +23,14 @@ from flint import fmpq
 
 from ..errors import DesignError
 from .framers import POLYTOPIC, basic_reason
-from .hinf_problem import Block, FilterProblem, in_coordinates, problem_of
+from .hinf_problem import Block, FilterProblem, in_coordinates, problem_of, unmeasured
 from .hinf_weights import Weight, weight, weighted
 
 Array = np.ndarray
-
 #: Options of ``[observer]``, with what they may be.
 OPTIONS = {"synthesis": ("slack", "projection"), "target": dict, "colour": dict, "order_loss": (0.0, 1.0),
-           "post_scaling": ("none", "steady"), "set_rows": (4, 400), "within": (0, 50)}
+           "post_scaling": ("none", "steady"),
+           "inputs": ("copy", "filtered"), "set_rows": (4, 400), "within": (0, 50)}
 
 
 def inapplicable(plant) -> str | None:
@@ -49,9 +49,12 @@ def inapplicable(plant) -> str | None:
     if plant.kind != "discrete":
         return "the plant is continuous, expected discrete. Sample it, and cover what that misses by parameters."
     for mode in plant.modes:
-        for name in set(mode.theta_terms) - {"A", "B"}:
-            return (f'{name} of mode "{mode.name}" depends on a parameter, expected only A and B to. Take the middle '
-                    "and widen the bounds of w or v by the rest.")
+        for name in () if unmeasured(plant) else set(mode.theta_terms) - {"A", "B"}:
+            return (f'{name} of mode "{mode.name}" depends on a parameter, expected only A and B to where one is '
+                    "measured. Take the middle and widen the bounds of w or v by the rest.")
+        if set(mode.theta_terms) - {"A", "B"} and any(np.any(b != s) for b, s in zip(plant.theta_box(mode), (-1, 1))):
+            return (f'a matrix of mode "{mode.name}" other than A and B depends on a parameter whose bounds are not '
+                    "[-1, 1] (found), expected these: then nothing is rounded. Scale its factors.")
     return None
 
 
@@ -79,6 +82,62 @@ def stated_weight(where: str, key: str, value) -> Weight | None:
         return weight(value["num"], value["den"])
     except DesignError as error:
         raise DesignError(f"{where}: observer.{key}: {error}") from None
+
+
+def copies(plant, options: dict) -> bool:
+    """Whether the filter reads y less what a copy of the plant makes of u.
+
+    Of a plant without uncertainty nothing of u is left in that, and the thresholds need not hold it; else the filter
+    reads u as a measurement.
+
+    Raises
+    ------
+    DesignError
+        A copy is asked for and the plant is uncertain.
+    """
+    varies = bool(plant.theta)
+    if varies and options.get("inputs") == "copy":
+        raise DesignError(f'{plant.name}: observer.inputs is "copy", expected "filtered": a copy of a plant with unknown '
+                          "parameters leaves a part of u in. Use filtered.")
+    return bool(plant.u) and not varies and options.get("inputs", "copy") == "copy"
+
+
+def without_inputs(problem: FilterProblem, n_u: int) -> FilterProblem:
+    """A problem without weights less its inputs: neither unknown nor measured."""
+    def less(m):
+        n_d, n_f = m.E.shape[1], len(m.Cz)
+        keep = [j for j in range(n_d) if not n_d - n_f - n_u <= j < n_d - n_f]
+        rows = slice(0, len(m.C) - n_u)
+        return replace(m, E=m.E[:, keep], C=m.C[rows], F=m.F[rows][:, keep], Fz=m.Fz[:, keep])
+
+    return replace(problem, modes=tuple(less(m) for m in problem.modes))
+
+
+def with_copy(constants: dict[str, Array], modes, real: str) -> dict[str, Array]:
+    """Constants of a filter of y alone, for y less what a copy of the plant makes of u: xi = [filter; copy].
+
+    Parameters
+    ----------
+    constants : dict
+        M, L, K, Dy, rounded; G and Du without columns.
+    modes : sequence of Mode
+    real : {"float32", "float64"}
+
+    Returns
+    -------
+    dict
+    """
+    parts: dict[str, list] = {k: [] for k in constants}
+    for q, m in enumerate(modes):
+        M, L, K, Dy = (constants[k][q].astype(float) for k in ("M", "L", "K", "Dy"))
+        n_s, n_x = len(M), len(m.A)
+        parts["M"].append(np.block([[M, -L @ m.C], [np.zeros((n_x, n_s)), m.A]]))
+        parts["G"].append(np.vstack([-L @ m.D, m.B]))
+        parts["L"].append(np.vstack([L, np.zeros((n_x, L.shape[1]))]))
+        parts["K"].append(np.hstack([K, -Dy @ m.C]))
+        parts["Du"].append(-Dy @ m.D)
+        parts["Dy"].append(Dy)
+    return {k: np.stack(v).astype(real) for k, v in parts.items()}
 
 
 def power(size: Array) -> Array:
@@ -134,7 +193,7 @@ def rationals(values: Array) -> Array:
     return out
 
 
-def stated(plant, options: dict) -> tuple[FilterProblem, Units]:
+def stated(plant, options: dict, inputs: bool = True) -> tuple[FilterProblem, Units]:
     """The problem that a plant file states, with its weights, and its units.
 
     Parameters
@@ -142,6 +201,8 @@ def stated(plant, options: dict) -> tuple[FilterProblem, Units]:
     plant : Plant
     options : dict
         ``target`` and ``colour`` are read.
+    inputs : bool
+        Without them the filter is one of y alone.
 
     Returns
     -------
@@ -166,5 +227,7 @@ def stated(plant, options: dict) -> tuple[FilterProblem, Units]:
         return replace(m, C=m.C / rows, F=m.F / rows, blocks=blocks)
 
     problem = replace(problem, modes=tuple(seen(m) for m in problem.modes))
+    if not inputs:
+        problem, units = without_inputs(problem, plant.n_u), replace(units, seen=units.seen[:plant.n_y])
     weights = [stated_weight(plant.name, key, options.get(key)) for key in ("target", "colour")]
     return (problem if weights == [None, None] else weighted(problem, *weights)), units
