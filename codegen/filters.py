@@ -46,7 +46,7 @@ class CertifiedFilter:
 
 
 def proofs(problem: FilterProblem, gains, start: dict):
-    """Proofs to be tried: of the problem, then of it less its slight uncertainties with multipliers of theirs beside."""
+    """Proofs to be tried: of the problem, then of it less its slight uncertainties, with multipliers for these."""
     some = False
     for margin in MARGINS:
         found = level_of(problem, gains, start, margin)

@@ -14,12 +14,14 @@ from codegen.plant.load import load
 HERE = Path(__file__).parent
 #: What is kept of an output folder; the rest is derived from it.
 KEEP = ("design.json", ".h", ".c", ".g", "resources.json")
-DESIGNS = (("cart", "tnl-interval"), ("emps", "tnl-interval"), ("farhat", "hinf-filter"), ("vehicle", "hinf-filter"), ("press", "tnl-interval"), ("relay", "tnl-interval"),
+DESIGNS = (("cart", "tnl-interval"), ("emps", "tnl-interval"), ("farhat", "hinf-filter"), ("press", "tnl-interval"),
+           ("relay", "tnl-interval"), ("vehicle", "hinf-filter"),
            ("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"), ("buck", "tnl-interval-lpv"),
            ("chevet", "tnl-interval-lpv"), ("hoist", "tnl-interval-lpv"), ("lamouchi", "component-interval"),
            ("lamouchi_coordinates", "component-interval"), ("motor", "tnl-interval-lpv"),
            ("zammali_box", "ellipsoid"), ("zammali_ellipsoid", "ellipsoid"), ("zammali_lpv_ct1", "lpv-interval"),
-           ("zammali_lpv_dt", "lpv-interval"), ("zammali_lpv_quadratic", "lpv-interval"), ("zammali_zonotope", "zonotope"))
+           ("zammali_lpv_dt", "lpv-interval"), ("zammali_lpv_quadratic", "lpv-interval"),
+           ("zammali_zonotope", "zonotope"))
 #: Plants of the gallery whose firmware would have the shape of another's, with other numbers.
 LIKE_ANOTHER = ("lamouchi_detector", "zammali_lpv_ct2")
 

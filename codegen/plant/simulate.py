@@ -239,15 +239,18 @@ def _recorded(plant: Plant, scenario: Scenario, record: Record, theta: Array | N
         name: np.full((steps, n), np.nan)
         for name, n in (("x", plant.n_x), ("w", plant.n_w), ("v", plant.n_v))
     }
-    if plant.theta and theta is None:
+    if plant.theta and theta is None and not any(s.measured for s in plant.theta) and not record.has(plant.theta):
+        empty["theta"] = np.full((steps, len(plant.theta)), np.nan)  # nobody measures them: a record may go without
+    elif plant.theta and theta is None:
         if not record.has(plant.theta):
             raise PlantError(f'{record.name}: has no column "{plant.theta[0].name}". Add it, or give theta.')
         theta = record.numbers(plant.theta)[:steps]
+    if "theta" not in empty:
+        empty["theta"] = given_theta(plant, np.empty((steps, 0)) if theta is None else theta, steps)
     return PlantTrace(
         u=inputs(plant, scenario, record),
         y=record.numbers(plant.y, gaps=True)[:steps],
         q=mode_signal(plant, scenario, record),
-        theta=given_theta(plant, np.empty((steps, 0)) if theta is None else theta, steps),
         f=faults(plant, scenario, record),
         **empty,
     )

@@ -11,7 +11,8 @@ rounding), of the ranges for u and f, and the constants of the C are those of th
 what is certified is these, taken back exactly.
 
 Source: A. Farhat, D. Koenig, switched uncertain H-infinity fault detection filter (slides), 2016.
-Differences from the print: those named in ``hinf_filter``; inputs u are known; a threshold for the estimate (``certify.filter_bounds``).
+Differences from the print: those named in ``hinf_filter``; inputs u are known; a threshold for the estimate
+(``certify.filter_bounds``).
 """
 
 from __future__ import annotations
@@ -29,8 +30,7 @@ from .hinf_weights import Weight, weight, weighted
 Array = np.ndarray
 #: Options of ``[observer]``, with what they may be.
 OPTIONS = {"synthesis": ("slack", "projection"), "target": dict, "colour": dict, "order_loss": (0.0, 1.0),
-           "post_scaling": ("none", "steady"),
-           "inputs": ("copy", "filtered"), "set_rows": (4, 400), "within": (0, 50)}
+           "post_scaling": ("none", "steady"), "inputs": ("copy", "filtered"), "set_rows": (4, 400), "within": (0, 50)}
 
 
 def inapplicable(plant) -> str | None:
@@ -97,8 +97,8 @@ def copies(plant, options: dict) -> bool:
     """
     varies = bool(plant.theta)
     if varies and options.get("inputs") == "copy":
-        raise DesignError(f'{plant.name}: observer.inputs is "copy", expected "filtered": a copy of a plant with unknown '
-                          "parameters leaves a part of u in. Use filtered.")
+        raise DesignError(f'{plant.name}: observer.inputs is "copy", expected "filtered": a copy of a plant with '
+                          "unknown parameters leaves a part of u in. Use filtered.")
     return bool(plant.u) and not varies and options.get("inputs", "copy") == "copy"
 
 

@@ -1,8 +1,8 @@
 """Print the gallery's plant ``vehicle``, and write the record that it replays.
 
-Run in a checkout: ``python codegen/gallery/data/make_vehicle.py`` rewrites ``vehicle.toml`` and ``rav4_ranges.csv``, the
-same bytes every time. The bicycle model [sideslip; yaw rate]' and its lateral acceleration depend on s = 1/speed; in
-each range of speeds the sampled matrix is covered for every s by a straight line in one unknown number and a rest
+Run in a checkout: ``python codegen/gallery/data/make_vehicle.py`` rewrites ``vehicle.toml`` and ``rav4_ranges.csv``,
+the same bytes every time. The bicycle model [sideslip; yaw rate]' and its lateral acceleration depend on s = 1/speed;
+in each range of speeds the sampled matrix is covered for every s by a straight line in one unknown number and a rest
 (``codegen.algebra.cover``). The rest is added to disturbance and noise, at the declared ranges.
 """
 
@@ -26,20 +26,24 @@ HEAD = '''# Made by data/make_vehicle.py: the bicycle model of a recorded car, c
 format = 1
 name   = "vehicle"
 title  = "Steering fault of a passenger car, from lateral acceleration and yaw rate"
-source = """R. Rajamani, Vehicle Dynamics and Control, 2nd ed., Springer, 2012, chapter 3 (bicycle model); filter problem after \\
-A. Farhat, D. Koenig (2016), with the output row corrected. Record and parameters: comma2k19, see data/README.md."""
+source = """R. Rajamani, Vehicle Dynamics and Control, 2nd ed., Springer, 2012, chapter 3 (bicycle model); filter \\
+problem after A. Farhat, D. Koenig (2016), with the output row corrected. Record and parameters: comma2k19, \\
+see data/README.md."""
 
 [time]
 kind = "discrete"
 sample_period = {period}
 
 [signals]
-x = [{{ name = "sideslip", unit = "rad", range = [-{x0}, {x0}] }}, {{ name = "yaw_rate", unit = "rad/s", range = [-{x1}, {x1}] }}]
+x = [{{ name = "sideslip", unit = "rad", range = [-{x0}, {x0}] }}, \
+{{ name = "yaw_rate", unit = "rad/s", range = [-{x1}, {x1}] }}]
 u = [{{ name = "steering", unit = "rad", range = [-{u}, {u}] }}]
 y = [{{ name = "a_y", unit = "m/s2", range = [-20, 20] }}, {{ name = "yaw", unit = "rad/s", range = [-1, 1] }}]
-w = [{{ name = "wind", unit = "N", bounds = [-{wind}, {wind}] }}, {{ name = "rest_sideslip", bounds = [-1, 1] }}, \
+w = [{{ name = "wind", unit = "N", bounds = [-{wind}, {wind}] }}, \
+{{ name = "rest_sideslip", bounds = [-1, 1] }}, \
 {{ name = "rest_yaw", bounds = [-1, 1] }}]
-v = [{{ name = "a_y_noise", unit = "m/s2", bounds = [-{a_y}, {a_y}] }}, {{ name = "yaw_noise", unit = "rad/s", bounds = [-{yaw}, {yaw}] }}, \
+v = [{{ name = "a_y_noise", unit = "m/s2", bounds = [-{a_y}, {a_y}] }}, \
+{{ name = "yaw_noise", unit = "rad/s", bounds = [-{yaw}, {yaw}] }}, \
 {{ name = "rest_a_y", bounds = [-1, 1] }}]
 f = [{{ name = "offset", unit = "rad", range = [-{f}, {f}] }}]
 theta = [{{ name = "s", bounds = [-1, 1], measured = false }}]     # place of 1/speed in its range
