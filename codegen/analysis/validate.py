@@ -82,7 +82,7 @@ def sound_samples(f: Array, trace: Trace, recover: int) -> Array:
     ndarray (K,) bool
     """
     active = np.any(f != 0, axis=1)
-    raw, measured = trace.raw_bits != 0, ~np.isnan(trace.numbers()[-1]).any(axis=1)
+    raw, measured = trace.raw_bits != 0, ~np.isnan(trace.numbers()[-2]).any(axis=1)
     out = np.zeros(len(active), dtype=bool)
     sound, restarted, run = True, True, 0
     for k, now in enumerate(active):

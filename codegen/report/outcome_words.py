@@ -92,7 +92,7 @@ def promise(design, real: str, outcome: Outcome, e: Episode) -> tuple[int | None
     for d, size in enumerate(by_delay):
         if size is None or abs(values[0]) < size:
             continue
-        step, measured = values[:d + 1], ~np.isnan(trace.numbers()[-1][e.start:e.start + d + 1])
+        step, measured = values[:d + 1], ~np.isnan(trace.numbers()[-2][e.start:e.start + d + 1])
         if len(step) == d + 1 and np.all(step == step[0]) and measured.all():
             t, at = design.observer.tables[real], slice(e.start, e.start + d + 1)
             far = not is_filter(design, real) and np.any((trace.x_hi[at] <= t.x_lo) | (trace.x_lo[at] >= t.x_hi))

@@ -58,7 +58,7 @@ A = [[0, -0.3], [1.3, 0]]
 minimum_dwell = 0.4
 [observer]
 method = "hinf-filter"
-set_rows = 32
+set_rows = 20
 [target]
 alarm = { latch = false }
 """
@@ -234,7 +234,7 @@ def test_known_inputs_are_taken_out_of_the_estimate():
     trace = d.observer.run(u, np.array(y), np.zeros(80, int), real="float64")
     assert np.max(np.abs(y)) > 3 * t.h[-1].max() and not trace.raw_bits.any()
     assert t.M.shape[1] == 4  # two states of the filter, two of the copy of the plant
-    filtered = one(DWELL.replace("set_rows = 32", 'set_rows = 20\ninputs = "filtered"')).tables
+    filtered = one(DWELL.replace("set_rows = 20", 'set_rows = 20\ninputs = "filtered"')).tables
     assert filtered.M.shape[1] == 2 and filtered.h[-1].max() > 1.3 * t.h[-1].max()  # what is left of u
     blind = d.observer.run(0 * u, np.array(y), np.zeros(80, int), real="float64")
     assert blind.raw_bits.any()
@@ -321,7 +321,8 @@ def test_options_say_what_is_wrong(given, words):
 @pytest.mark.parametrize("old, new, words", [
     ('f = [{ name = "f", range = [-1, 1] }]', 'f = [{ name = "f" }]', "has no range"),
     ('y = [{ name = "y", range = [-10, 10] }]', 'y = [{ name = "y" }]', "has no range"),
-    ('kind = "discrete"', 'kind = "continuous"', "continuous"),     ("[[mode]]                        # H = (0.2, 0.002), N = (0.22, 0.128)", "[switching]\nknown = false\n[[mode]]",
+    ('kind = "discrete"', 'kind = "continuous"', "continuous"),
+    ("[[mode]]                        # H = (0.2, 0.002), N = (0.22, 0.128)", "[switching]\nknown = false\n[[mode]]",
      "not known at run time")])
 def test_plants_that_it_does_not_take(old, new, words):
     assert old in FARHAT
