@@ -24,8 +24,8 @@ from codegen.errors import ToolError, ValidationError
 from codegen.observers import FAMILIES
 from codegen.observers.framer import Variation, open_loop, propagate, residuals, scheduled
 from codegen.plant.load import gallery_names, load
-from codegen.synthesis import METHODS
 from codegen.plant.uncertain import is_uncertain
+from codegen.synthesis import METHODS
 from codegen.target.gappa import prove_rounding, require_rounding
 
 GENERATED = sorted(p.parent for p in (Path(__file__).resolve().parents[2] / "generated").glob("*/rounding_*.g"))
