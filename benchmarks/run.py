@@ -1,8 +1,9 @@
 """One command, one run, one table: our layouts against what a user would pick instead.
 
-    python -m benchmarks            measure everything (half an hour); writes results.csv, whole.csv, RESULTS.md
+    python -m benchmarks            measure everything (half an hour); writes results.csv, whole.csv, RESULTS.md,
+                                    sets.csv, SETS.md
     python -m benchmarks --quick    a few rows, printed, nothing written
-    python -m benchmarks --table    write RESULTS.md from the CSV files again
+    python -m benchmarks --table    write RESULTS.md and SETS.md from the CSV files again
 
 Needs gcc, valgrind, arm-none-eabi-gcc, qemu-system-arm and the package's extra ``bench``; Eigen (Debian: libeigen3-dev,
 on the board also libstdc++-arm-none-eabi-newlib). A rival that is not installed is left out and named.
@@ -19,7 +20,7 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
-from . import cases, measure, ours, table, whole
+from . import cases, measure, ours, sets, table, whole
 from .rivals import RIVALS
 
 HERE = Path(__file__).resolve().parent
@@ -138,9 +139,12 @@ def main(arguments: list[str]) -> int:
                 print(f"{done}/{len(rows)}", end="\r", file=sys.stderr, flush=True)
         if chosen.quick:
             print(table.render([{k: str(v) for k, v in r.items()} for r in records]))
+            sets.main(quick=True)
             return 0
         write(records, RESULTS)
         write(whole.measure(), WHOLE)
+        sets.write(sets.measure())
     TABLE.write_text(text(), encoding="ascii")
-    print(f"{TABLE} written")
+    sets.TABLE.write_text(sets.render(sets.read()), encoding="utf-8")
+    print(f"{TABLE} and {sets.TABLE} written")
     return 0

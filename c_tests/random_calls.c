@@ -53,25 +53,9 @@ static void any_inputs(T(in) *in)
     }
 }
 
-#if !CASE_FILTER
+#if !CASE_POINT && !CASE_FILTER
 static void any_box(T(real) *lo, T(real) *hi, const T(real) *least, const T(real) *most)
 {
-#if CASE_POINT
-    T(state) whole;
-    const uint32_t share = draw(12U);
-
-    T(reset)(&whole);
-    for (uint32_t i = 0U; i < M(NX); i++)
-    {
-        s->x_hat[i] = between(x_lo[i], x_hi[i]) * ((draw(8U) == 0U) ? 1024 : 1);
-    }
-    for (uint32_t i = 0U; i < M(NSHAPE); i++)
-    {
-        const T(real) size = whole.shape[i % (M(NX) * M(NX))] / (T(real))(1U << share);
-
-        s->shape[i] = between(-size, size);
-    }
-#else
     for (uint32_t i = 0U; i < M(NX); i++)
     {
         /* Wide, narrow or a point, so that sums of every size meet their offsets. */
@@ -95,9 +79,7 @@ static void any_box(T(real) *lo, T(real) *hi, const T(real) *least, const T(real
             /* as they are */
         }
     }
-#endif
 }
-
 #endif
 
 static void any_framers(T(state) *s)
@@ -109,13 +91,104 @@ static void any_framers(T(state) *s)
         s->xi[i] = between(-1, 1) * (T(real))(1U << draw(16U)) / 64;
     }
     s->since = draw(M(LAST) + 2U);
+#elif CASE_POINT
+    T(state) whole;
+    const uint32_t share = draw(12U);
+
+    T(reset)(&whole);
+    for (uint32_t i = 0U; i < M(NX); i++)
+    {
+        s->x_hat[i] = between(x_lo[i], x_hi[i]) * ((draw(8U) == 0U) ? 1024 : 1);
+#if CASE_N_COUNTS > 0 /* where a measurement can be near */
+        s->x_hat[i] /= (draw(8U) == 0U) ? 1 : 16384;
+#endif
+    }
+#if CASE_HAS_SHAPE
+    for (uint32_t i = 0U; i < M(NSHAPE); i++)
+    {
+        const T(real) size = whole.shape[(i % M(NX)) * (M(NX) + 1U)] / (T(real))(1U << share);
+
+        s->shape[i] = between(-size, size);
+    }
+#else
+    (void)share;
+#endif
+#if CASE_N_COUNTS > 0
+    {
+        uint32_t *counts[] = CASE_COUNTS(s);
+
+        s->phase = (draw(3U) == 0U) ? s->phase : 0U; /* the estimate as it is: its residual is easy to make small */
+        for (uint32_t i = 0U; i < CASE_N_COUNTS; i++)
+        {
+            *counts[i] = draw((draw(3U) == 0U) ? 24U : 8U); /* beyond the tables, too */
+        }
+    }
+#endif
 #else
     any_box(s->x_lo, s->x_hi, x_lo, x_hi);
+#endif
 #if CASE_HAS_Z
     any_box(s->z_lo, s->z_hi, z_lo, z_hi);
 #endif
-#endif
 }
+
+#if CASE_N_COUNTS > 0
+/* The answer to a step with measurements between two. */
+static uint32_t tried(const bench *b, const T(real) *quiet, const T(real) *wild, T(real) share, T(out) *out)
+{
+    bench trial = *b;
+
+    for (uint32_t i = 0U; i < M(NY); i++)
+    {
+        trial.in.y[i] = quiet[i] + (share * (wild[i] - quiet[i]));
+    }
+    trial.out.raw = 0U;
+    (void)T(step)(&trial.s, &trial.in, &trial.out);
+    *out = trial.out;
+    return trial.out.raw;
+}
+
+/* Measurements at the edge of an alarm: what every threshold decides, along some ray. */
+static void any_edge(bench *b)
+{
+    T(real) quiet[M(NY)];
+    T(real) wild[M(NY)];
+    T(real) inside = 0;
+    T(real) beyond = 1;
+    T(out) out;
+
+    for (uint32_t i = 0U; i < M(NY); i++)
+    {
+        quiet[i] = b->in.y[i];
+    }
+    for (uint32_t k = 0U; k < 3U; k++)
+    {
+        (void)tried(b, quiet, quiet, 0, &out);
+        for (uint32_t i = 0U; i < M(NY); i++)
+        {
+            quiet[i] -= out.r[i];
+            wild[i] = quiet[i] + (out.r_bound[i] * between(-4, 4));
+        }
+    }
+    for (uint32_t k = 0U; k < 12U; k++)
+    {
+        const T(real) middle = (inside + beyond) / 2;
+
+        if (tried(b, quiet, wild, middle, &out) != 0U)
+        {
+            beyond = middle;
+        }
+        else
+        {
+            inside = middle;
+        }
+    }
+    for (uint32_t i = 0U; i < M(NY); i++)
+    {
+        b->in.y[i] = quiet[i] + (((draw(2U) == 0U) ? inside : beyond) * (wild[i] - quiet[i]));
+    }
+}
+#endif
 
 static uint32_t add(uint32_t digest, const void *object, uint32_t size)
 {
@@ -144,6 +217,9 @@ uint32_t random_calls(void)
             if (call > 0U)
             {
                 any_framers(&b.s);
+#if CASE_N_COUNTS > 0
+                any_edge(&b);
+#endif
             }
             digest += (uint32_t)((draw(4U) != 0U) ? T(step)(&b.s, &b.in, &b.out) : T(predict)(&b.s, &b.in, &b.out));
             digest = add(add(digest, &b.s, (uint32_t)sizeof(b.s)), &b.out, (uint32_t)sizeof(b.out));

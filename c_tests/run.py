@@ -25,6 +25,10 @@ BUILDS = {
 }
 
 
+#: Words of the state by which a set finds its place in tables.
+COUNTS = ("stage", "since", "phase_at", "block", "before")
+
+
 def folders() -> list[Path]:
     """The committed designs."""
     return sorted(p.parent for p in (HERE.parent / "generated").glob("*/resources.json"))
@@ -45,10 +49,15 @@ def case(record: dict) -> str:
     numbers |= {"state_bytes": record["state_bytes"], "recover": max(supervision["recover"], 1),
                 "debounce_m": supervision["debounce"][0], "debounce_n": supervision["debounce"][1]}
     flags = {"nu": record["n_u"], "ntheta": record["n_theta"], "latch": supervision["latch"],
-             "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members, "has_origin": "origin" in members,
+             "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members,
+             "has_origin": "origin" in members, "has_shape": "shape" in members,
              "has_z": "z_lo" in members, "has_mode": "mode" in members, "counts_hold": "hold" in members}
     values |= {f"CASE_{name.upper()}": f"{value}U" for name, value in numbers.items()}
     values |= {f"CASE_{name.upper()}": f"{int(value)}" for name, value in flags.items()}
+    counts = [name for name in COUNTS if name in members and "xi" not in members]
+    if counts:
+        values["CASE_COUNTS(s)"] = "{ " + ", ".join(f"&(s)->{name}" for name in counts) + " }"
+    values["CASE_N_COUNTS"] = f"{len(counts)}U"
     return "\n".join(["#ifndef CASE_H", "#define CASE_H", f'#include "{record["prefix"]}.h"',
                       f"#define T(name) {record['prefix']}_##name", f"#define M(name) {record['macro']}_##name",
                       *(f"#define {name} {value}" for name, value in values.items()), "#endif", ""])

@@ -24,7 +24,10 @@ static uint32_t draw(uint32_t below)
     return (drawn >> 8) % below;
 }
 
-/* Framers around everything (0), or far off on either side (1, 2), or anything between (3). */
+/*
+ * Framers around everything (0), or far off on either side (1, 2), or anything between (3). An estimate whose set is
+ * found by counts starts anew where it is far off: there it is at the end of its range, with the set of the initial box.
+ */
 static void plant(bench *b, uint32_t what)
 {
 #if CASE_FILTER /* a filter at rest, or far off, or anywhere: its estimate follows */
@@ -41,17 +44,32 @@ static void plant(bench *b, uint32_t what)
 #else
 #if CASE_POINT
     T(state) whole;
+    const int narrow = (CASE_N_COUNTS > 0) ? (what != 0U) : (what == 3U);
 
     T(reset)(&whole);
+#if CASE_HAS_SHAPE
     for (uint32_t i = 0U; i < M(NSHAPE); i++)
     {
-        b->s.shape[i] = (what == 3U) ? 0 : whole.shape[i];
+        b->s.shape[i] = narrow ? 0 : whole.shape[i];
     }
+#endif
+#if CASE_N_COUNTS > 0
+    {
+        uint32_t *counts[] = CASE_COUNTS(&b->s);
+        uint32_t *wide[] = CASE_COUNTS(&whole);
+
+        for (uint32_t i = 0U; i < CASE_N_COUNTS; i++)
+        {
+            *counts[i] = narrow ? 0U : *wide[i];
+        }
+    }
+#endif
 #endif
     for (uint32_t i = 0U; i < M(NX); i++)
     {
-        const T(real) far = (x_hi[i] - x_lo[i]) * (T(real))(1000U + (370U * i));
-        const T(real) part = (far / 4000) * (T(real))draw(4000U);
+        const T(real) size = x_hi[i] - x_lo[i];
+        const T(real) far = (CASE_N_COUNTS > 0) ? (size / 2) : (size * (T(real))(1000U + (370U * i)));
+        const T(real) part = (size / 4) * (T(real))draw(4000U) * (1 + ((T(real))i / 3));
 
 #if CASE_POINT
         b->s.x_hat[i] = whole.x_hat[i];
@@ -158,9 +176,24 @@ static int starts_again(const T(state) *s)
     return same_bytes(&s->since, &nothing, sizeof(nothing));
 #elif CASE_POINT
     T(state) whole;
+    int same = 1;
 
     T(reset)(&whole);
-    return same_bytes(s->x_hat, whole.x_hat, sizeof(whole.x_hat)) && same_bytes(s->shape, whole.shape, sizeof(whole.shape));
+#if CASE_HAS_SHAPE
+    same = same && same_bytes(s->shape, whole.shape, sizeof(whole.shape));
+#endif
+#if CASE_N_COUNTS > 0
+    {
+        const uint32_t *counts[] = CASE_COUNTS(s);
+        const uint32_t *wide[] = CASE_COUNTS(&whole);
+
+        for (uint32_t i = 0U; i < CASE_N_COUNTS; i++)
+        {
+            same = same && (*counts[i] == *wide[i]);
+        }
+    }
+#endif
+    return same && same_bytes(s->x_hat, whole.x_hat, sizeof(whole.x_hat));
 #else
     return same_bytes(s->x_lo, x_lo, sizeof(x_lo)) && same_bytes(s->x_hi, x_hi, sizeof(x_hi));
 #endif

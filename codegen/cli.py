@@ -78,12 +78,13 @@ method_option = click.option("--method", help="Design method (see: residua metho
 @method_option
 @real_option
 @layout_option
-def run(plant, out, method, real, layout):
+@click.option("--compare", is_flag=True, help="Design the other methods too, for a table in the report.")
+def run(plant, out, method, real, layout, compare):
     """The whole way: check, synthesise, certify, emit, compile, validate, report."""
     from .pipeline import run as whole
 
     with Progress() as progress:
-        result = whole(plant, out, method, real, layout, progress)
+        result = whole(plant, out, method, real, layout, progress, compare)
     show.outcomes(result.design, result.outcomes)
     show.folder(result.folder)
 
@@ -194,6 +195,25 @@ def prove_(folder):
     show.margins(margins)
     show.recorded(record(folder, "rounding", margins))
     require_rounding(margins)
+
+
+@main.command("compare", context_settings=HELP)
+@click.argument("plant")
+@click.option("-o", "out", type=click.Path(path_type=Path), help="Write the figures as JSON too.")
+@click.option("--method", "names", multiple=True, help="Only this method (may be repeated).")
+@click.option("--order", "orders", multiple=True, type=click.IntRange(2, 200),
+              help="Zonotopes of this order (may be repeated) [the one that the design chooses].")
+def compare_(plant, out, names, orders):
+    """Design every applicable method, with every set and table, and show them side by side."""
+    from .compare import chosen_variants, compare, save
+    from .plant.load import load
+
+    found = load(plant)
+    with Progress() as progress:
+        rows = compare(found, chosen_variants(names, orders), progress)
+    show.compared(found, rows)
+    if out:
+        click.echo(f"wrote {save(out, found, rows)}")
 
 
 @main.command(context_settings=HELP)

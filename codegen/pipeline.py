@@ -66,7 +66,7 @@ class Result:
 
 
 def run(plant, out=None, method: str | None = None, real: str | None = None, layout: str | None = None,
-        progress: Progress = silent) -> Result:
+        progress: Progress = silent, compare: bool = False) -> Result:
     """Take a plant to a folder of validated firmware with a report.
 
     Parameters
@@ -77,6 +77,8 @@ def run(plant, out=None, method: str | None = None, real: str | None = None, lay
     method, real, layout : str, optional
         Override the plant file.
     progress : callable
+    compare : bool
+        Design the other methods too; the report then shows them side by side.
 
     Returns
     -------
@@ -113,11 +115,12 @@ def run(plant, out=None, method: str | None = None, real: str | None = None, lay
         driver = build(folder)
         outcomes = validate(made, driver, progress=progress)
         periods = period_curve(made, progress)
+        others = side_by_side(plant, target, progress) if compare else ()
         progress("writing the report")
         if made.observer.stated:
             document.update(folder, "validation", (outcomes, broken(made, driver.real, outcomes), plant.scenarios),
                             lambda: made)
-        write_report(folder, made, driver, outcomes, periods)
+        write_report(folder, made, driver, outcomes, periods, others)
         require(made, driver.real, outcomes)
         package.publish(folder, final)
     finally:
@@ -150,6 +153,13 @@ def period_curve(made: Design, progress: Progress = silent) -> list[PeriodPoint]
         progress(f"sampling periods, {n} of {len(FACTORS)}: {made.plant.sample_period * factor:.3g} s")
         points += curve(made.plant, method.tnl, getattr(method.module, "SPLIT", False), (factor,), share)
     return points
+
+
+def side_by_side(plant: Plant, target, progress: Progress) -> list:
+    """What the other methods give on a plant, with its number type and layout; see ``compare``."""
+    from .compare import compare
+
+    return compare(replace(plant, target=target), progress=progress)
 
 
 def generate(design: Design, out, real: str | None = None, layout: str | None = None) -> Path:

@@ -6,12 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from .algebra.zonotope import best_direction, fan
+from .algebra.bases import bases
+from .algebra.zonotope import KEYS, best_direction, fan
 from .analysis.set_tables import dwell_table
 from .box_sets import boxed
 from .certify import thresholds
 from .certify.ellipsoids import freeze_ellipsoid
 from .certify.order import patterns
+from .certify.reduction import box_certificate, every_sample
 from .certify.set_freeze import freeze_estimate, freeze_zonotope
 from .errors import DesignError
 from .observers import (
@@ -24,13 +26,16 @@ from .observers import (
     ZonotopeTables,
 )
 from .observers.ellipsoid import sandwich
+from .observers.zonotope import set_work
 from .plant.model import Plant
 from .set_simulation import settled, simulated
+from .trace_sets import traced
 
 Array = np.ndarray
 #: Set in the options where the plant file says nothing.
 ORDER_MARGIN = 1.05  # widths over those of a large order
 MOST_COLUMNS = 24  # generators of the largest order that is tried without being asked for
+MOST_WORK = 8000  # multiplications per sample up to which membership of three residuals is exact without being asked
 STEPS = 60
 WEIGHTS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.5, 5.0, 10.0)  # 1 + alpha of an ellipsoid's step
 ROWS = (4, 8, 16, 32)  # of a table of thresholds
@@ -38,12 +43,14 @@ STAGES = (3, 5, 8, 12, 20, 32)
 TABLE_MARGIN = 1.1  # last thresholds over those that no number of stages leads below
 
 
-def draft(plant: Plant, gains: dict, order: int, limit: Array, real: str, directions: Array) -> PointTables:
+def draft(plant: Plant, gains: dict, order: int, limit: Array, real: str, directions: Array, pairs: bool = False,
+          key: str = "squared", coordinates: Array | None = None) -> PointTables:
     """Tables with a sound set of that order, before anything is certified."""
     modes = plant.observed.modes
     limits = {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
     estimate = freeze_estimate(modes, limits, gains, limit, real)
-    return PointTables(**estimate, shape=freeze_zonotope(ZonotopeTables, modes, estimate, order, directions))
+    return PointTables(**estimate, shape=freeze_zonotope(ZonotopeTables, modes, estimate, order, directions, pairs, key,
+                                                             coordinates))
 
 
 def sized(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
@@ -62,7 +69,7 @@ def sized(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     Returns
     -------
     dict
-        "order", "limit", "directions".
+        "order", "limit", "directions", "dwell", and of the reduction "pairs", "key", "coordinates".
 
     Raises
     ------
@@ -73,27 +80,69 @@ def sized(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     paths = np.array(patterns(plant.n_modes, dwell, STEPS))
     none = np.zeros((0, plant.n_y))
 
-    def tried(order: int) -> tuple[PointTables, Array]:
-        t = draft(plant, gains, order, 1e3 * half, "float64", none)
+    def tried(order: int, key: str = "squared", T: Array | None = None) -> tuple[PointTables, Array]:
+        t = draft(plant, gains, order, 1e3 * half, "float64", none, False, key, T)
         return t, simulated(t, half, paths, ZonotopeObserver)
 
     orders = [int(options["order"])] if "order" in options else range(plant.n_x + 1, MOST_COLUMNS + 1)
     if orders[0] <= plant.n_x:
         raise DesignError(f"{plant.name}: observer.order is {orders[0]} (found), expected at least {plant.n_x + 1}: "
                           "one more than the states, for the box and a generator that is kept.")
-    best = settled(tried(2 * MOST_COLUMNS)[1])
-    for order in orders:
-        t, widths = tried(order)
-        steady = settled(widths)
-        if steady is not None and ("order" in options or np.all(steady <= ORDER_MARGIN * best + 1e-12 * half)):
+    t, widths = tried(2 * MOST_COLUMNS)
+    best, M = settled(widths), t.M
+    ways = reductions(M, dwell)
+    # A proof that nothing grows comes first, whatever the order; then what settles in simulation, in x alone.
+    for key, T in [way for way, proved in ways if proved] + [w for w, proved in ways if not proved and w[1] is None]:
+        for order in orders if best is not None else ():
+            t, widths = tried(order, key, T)
+            steady = settled(widths)
+            if steady is not None and ("order" in options or np.all(steady <= ORDER_MARGIN * best + 1e-12 * half)):
+                return chosen(plant, gains, options, dwell, t, widths, {"key": key, "coordinates": T})
+    radii = [max(abs(np.linalg.eigvals(np.abs(A)))) for A in M]
+    worst = int(np.argmax(radii))
+    raise DesignError(f"{plant.name}: the set of order {orders[-1]} grows without bound or by more than 5 % beyond "
+                      f'that of many generators, expected it to settle (mode "{plant.modes[worst].name}" has spectral '
+                      f"radius {radii[worst]:.3g} of |A - L C|; in {len(ways)} coordinates and keys no set is proved "
+                      "to settle). Raise observer.order, declare a dwell time, or take gains that decay faster.")
+
+
+def reductions(M: Array, dwell: int) -> list[tuple[tuple[str, Array | None], bool]]:
+    """Keys and coordinates of the reduction, and whether no order grows in them: those of x first."""
+    out = []
+    for _, T in bases(M):
+        proved = box_certificate(M, every_sample(len(M), dwell), T) is not None
+        out += [((key, T), proved) for key in KEYS]
+        if T is None and proved:
             break
-        t = None
-    if t is None or best is None:
-        raise DesignError(f"{plant.name}: the set of order {orders[-1]} grows without bound or by more than 5 % beyond "
-                          "that of many generators, expected it to settle. Raise observer.order, declare a dwell time, "
-                          "or take gains that decay faster.")
-    return {"set": "zonotope", "order": order, "limit": 1.25 * np.max(widths, axis=(0, 1)),
-            "directions": directions(plant, t, gains)}
+    return out
+
+
+def chosen(plant: Plant, gains: dict, options: dict, dwell: int, t: PointTables, widths: Array,
+           reduction: dict) -> dict:
+    """What ``sized`` returns, once order and coordinates are known."""
+    pairs = by_pairs(plant, t, options)
+    return {"set": "zonotope", "order": t.shape.order, "limit": 1.25 * np.max(widths, axis=(0, 1)), "dwell": dwell,
+            "reduction": {"pairs": pairs, **reduction},
+            "directions": np.zeros((0, plant.n_y)) if pairs else directions(plant, t, gains)}
+
+
+def by_pairs(plant: Plant, t: PointTables, options: dict) -> bool:
+    """Whether membership goes by the normals of all pairs of generators: asked for, or cheap enough for three outputs.
+
+    Raises
+    ------
+    DesignError
+        Asked for with more than three outputs.
+    """
+    asked = options.get("membership", "auto")
+    if asked == "exact" and plant.n_y > 3:
+        raise DesignError(f'{plant.name}: observer.membership is "exact" with {plant.n_y} outputs (found), expected at '
+                          'most 3: the faces of the set are too many. Use membership = "directions".')
+    if plant.n_y != 3 or asked == "directions":
+        return False
+    z = t.shape
+    work = set_work(plant.n_x, 3, z.order, z.F.shape[3], z.V.shape[3], 0, True)
+    return asked == "exact" or work.multiply <= MOST_WORK
 
 
 def tabulated(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
@@ -191,6 +240,7 @@ def weighted(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     gains : dict
         "L", "N", "kind".
     options : dict
+        "weights": "trace" for those that the firmware chooses.
     dwell : int
 
     Returns
@@ -202,6 +252,8 @@ def weighted(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     DesignError
         The set grows without bound for every weight.
     """
+    if options.get("weights") == "trace":
+        return aimed(plant, gains, traced(plant, gains, dwell))
     half = np.max([(plant.limits("x")[1] - plant.limits("x")[0]) / 2, (plant.x0_hi - plant.x0_lo) / 2], axis=0)
     paths, found = np.array(patterns(plant.n_modes, dwell, STEPS)), None
     base = {"set": "ellipsoid", "limit": 8 * np.sqrt(plant.n_x) * half, "directions": np.zeros((0, plant.n_y)),
@@ -222,11 +274,16 @@ def weighted(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     steady = {"x": np.sqrt(X[late].min(axis=(0, 1))), "x_most": np.sqrt(X.max(axis=(0, 1))),
               "y": np.sqrt(R[late].min(axis=(0, 1))), "y_most": np.sqrt(R.max(axis=(0, 1)))}
     tried |= {"steady": steady, "limit": np.maximum(1.25 * steady["x_most"], 1.25 * np.sqrt(plant.n_x) * half)}
-    if plant.n_y > 2:
-        spare = gains | {"order": None}
-        t = draft(plant, spare, 2 * plant.n_x + plant.n_w + plant.n_v, 1e3 * half, "float64", base["directions"])
-        tried["directions"] = directions(plant, t, gains)
-    return tried
+    return aimed(plant, gains, tried)
+
+
+def aimed(plant: Plant, gains: dict, chosen: dict) -> dict:
+    """The same choice with directions of the membership test, where it needs any."""
+    if plant.n_y <= 2:
+        return chosen
+    most = 1e3 * np.maximum(plant.limits("x")[1] - plant.limits("x")[0], plant.x0_hi - plant.x0_lo)
+    t = draft(plant, gains, 2 * plant.n_x + plant.n_w + plant.n_v, most, "float64", np.zeros((0, plant.n_y)))
+    return chosen | {"directions": directions(plant, t, gains)}
 
 
 def followed(t: PointTables, half: Array, paths: Array) -> tuple[Array, Array]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from math import ceil
 from types import SimpleNamespace
 
 import numpy as np
 
+from .algebra.dwell import fewest_samples
 from .box_sets import with_box
 from .certify import set_claims
 from .errors import CertificateError, DesignError
@@ -18,7 +18,9 @@ from .point_sets import draft, with_ellipsoid
 from .synthesis.ellipsoid import no_tnl
 from .synthesis.point import PointGains
 from .synthesis.refit import refit
+from .synthesis.set_options import check_set_options
 from .table_sets import CHOICES, TABLES
+from .trace_sets import with_trace
 
 Array = np.ndarray
 
@@ -31,8 +33,8 @@ def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple[PointT
     CertificateError
     """
     resolve = None if proof["kind"] == "none" else partial(refit, plant, proof=proof)
-    if gains["set"] == "box":
-        t = with_box(plant, gains, real)
+    if gains["set"] in ("box", "ellipsoid_trace"):
+        t = (with_box if gains["set"] == "box" else with_trace)(plant, gains, real)
         return t, set_claims.prove(plant.observed.modes, t, proof, resolve)
     if gains["set"] == "ellipsoid":
         t = with_ellipsoid(plant, gains, real)
@@ -40,8 +42,8 @@ def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple[PointT
     if gains["set"] in TABLES:
         t, sources = TABLES[gains["set"]](plant, gains, real)
         return t, set_claims.prove(plant.observed.modes, t, proof, resolve, sources, gains["set"])
-    t = draft(plant, gains, gains["order"], gains["limit"], real, gains["directions"])
-    return t, set_claims.prove(plant.observed.modes, t, proof, resolve)
+    t = draft(plant, gains, gains["order"], gains["limit"], real, gains["directions"], **gains["reduction"])
+    return t, set_claims.prove(plant.observed.modes, t, proof, resolve, dwell=gains["dwell"])
 
 
 def choice_of(options: dict, family: str) -> Callable[[Plant, dict, dict, int], dict]:
@@ -52,12 +54,7 @@ def choice_of(options: dict, family: str) -> Callable[[Plant, dict, dict, int], 
 
 def dwell_of(plant: Plant, proof: dict) -> int:
     """Samples that every mode lasts at least, where the plant file or the proof says so."""
-    s, found = plant.switching, 1
-    if s.average_dwell is not None and s.chatter == 1:
-        found = max(1, int(s.average_dwell / plant.sample_period + 1e-9))
-    if proof.get("rho", 1.0) > 1 and proof.get("chatter", 1) == 1:
-        found = max(found, ceil(proof["dwell_add"] / proof["dwell_drain"]))
-    return found
+    return fewest_samples(plant.switching, plant.sample_period, proof)
 
 
 def candidates(plant: Plant, module, options: dict, progress: Callable[[str], None]) -> Iterator[PointGains]:
@@ -101,6 +98,7 @@ def explore(plant: Plant, module, family: str, options: dict,
     CertificateError
         Gains were found, none survives rounding.
     """
+    check_set_options(plant.name, options, family, plant.n_y)
     failure, made = None, []
     for c in candidates(plant, module, options, lambda text: progress(f"{text} ({len(made)} certified)")):
         gains = {"L": c.L, "N": c.N, "kind": c.kind}

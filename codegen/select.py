@@ -40,8 +40,12 @@ class Trial:
 
     def threshold(self, scale: Array) -> float:
         """Largest surely detected fault over the channels, in channel sizes."""
-        sure = max((f.best / s for f, s in zip(self.faults, scale)), default=np.inf)
-        return sure if np.isfinite(sure) else getattr(self.candidate, "figures", {}).get("threshold", np.inf)
+        return max((f.best / s for f, s in zip(self.faults, scale)), default=np.inf)
+
+    @property
+    def searched(self) -> float:
+        """What the search for the gains found of it, for exact sets; infinite where the design has no such figure."""
+        return getattr(self.candidate, "figures", {}).get("threshold", np.inf)
 
     @property
     def needs_dwell(self) -> bool:
@@ -154,6 +158,8 @@ def ranked(trials: list[Trial], criterion: str | None, plant: Plant, scale: Arra
     then the narrower interval.
     """
     faults = [t.threshold(scale) for t in trials]
+    if not np.all(np.isfinite(faults)) and np.all(np.isfinite([t.searched for t in trials])):
+        faults = [t.searched for t in trials]  # of one kind: a promise is larger than what the search finds
     enough = 1.1 * min(faults)
 
     def key(item):

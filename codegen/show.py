@@ -235,6 +235,31 @@ def margins(result) -> None:
               f"of their offsets, in {result.seconds:.1f} s (Gappa {result.version})", markup=False)
 
 
+def compared(p: Plant, found) -> None:
+    """Print a comparison: what each variant promises and costs, then those without a design."""
+    within = max((len(by) - 1 for c in found for by in c.faults or ()), default=0)
+    faults = [f"{f.name} {when}" for f in p.f for when in ("at once", f"within {within}")]
+    made = [c for c in found if not c.reason]
+    rows = table(f"{p.name}: methods side by side", "method", "width", *faults, "mode lasts", "multiply-adds",
+                 "instructions", "flash", "RAM", "stack")
+    for c in made:
+        sizes = [number(x) for by in c.faults for x in (by[0], by[-1])]
+        rows.add_row(c.name, number(c.width), *sizes, "any" if not c.dwell else number(c.dwell),
+                     *("-" if x is None else str(x) for x in (c.multiply, c.instructions, c.flash, c.ram, c.stack)))
+    if made:
+        out.print(rows)
+        out.print("width: guaranteed, states in units of their ranges, summed; faults: smallest step surely detected, "
+                  "- where none is proved; mode lasts: samples, for the guarantee; multiply-adds: of the dearest step; "
+                  "instructions: of the dearest ordinary step, Cortex-M4F in QEMU; flash, RAM, stack: bytes, "
+                  f"{', '.join(sorted({c.chip for c in made}))} at -Os")
+    groups: dict[str, list[str]] = {}
+    for c in found:
+        if c.reason:
+            groups.setdefault(c.reason, []).append(c.name)
+    for reason, names in groups.items():
+        out.print(f"no design: {', '.join(names)}: {reason}", markup=False)
+
+
 def methods(entries) -> None:
     """Print METHODS."""
     rows = table("methods", "method", "what", "plants", "source")

@@ -58,10 +58,10 @@ def scheduled(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
         least = phase_table(m, cycle, none, none, directions, rows)
         if np.all(table.lap <= TABLE_MARGIN * least.lap):
             break
-    lost = late(schedules.freeze_schedule(ScheduleTables, t, table, chosen["directions"]), plant.n_modes)
+    lost = late(schedules.freeze_schedule(ScheduleTables, t, table, chosen["directions"]))
     if lost is not None:
-        raise DesignError(f"{plant.name}: switching.schedule: firmware that starts at sample {lost} of the period never "
-                          "finds its place again (found), expected stays that tell it. Use tables = \"dwell\".")
+        raise DesignError(f"{plant.name}: switching.schedule: firmware that starts at sample {lost} of the period "
+                          'never finds its place (found), expected stays that tell it. Use tables = "dwell".')
     return tried
 
 
@@ -95,8 +95,8 @@ def with_schedule(plant: Plant, gains: dict, real: str) -> tuple[PointTables, tu
     return PointTables(**vars(t), shape=shape), ()
 
 
-def late(z: ScheduleTables, modes: int) -> int | None:
-    """Sample of the period from which firmware that starts there still starts anew four periods later; None: nowhere."""
+def late(z: ScheduleTables) -> int | None:
+    """Sample of the period at which firmware that begins there still starts anew four periods later; None: nowhere."""
     P = len(z.cycle)
     for begin in range(P):
         at, found = P, False
@@ -136,12 +136,13 @@ def arbitrary(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     """
     n, C = plant.n_x, [mode.C for mode in plant.observed.modes]
     if any(not np.array_equal(c, C[0]) for c in C):
-        raise DesignError(f'{plant.name}: tables = "arbitrary" with a C that differs between modes (found), expected the '
-                          'same in all: the sample that ends a block is read with C of the next. Use tables = "none".')
+        raise DesignError(f'{plant.name}: tables = "arbitrary" with a C that differs between modes (found), '
+                          'expected the same in all: the sample that ends a block is read with C of the next. '
+                          'Use tables = "none".')
     least = int(options.get("order", n + 1))
     if least <= n:
-        raise DesignError(f"{plant.name}: observer.order is {least} (found), expected at least {n + 1}: one more than the "
-                          "states, for the box and a generator that is kept.")
+        raise DesignError(f"{plant.name}: observer.order is {least} (found), expected at least {n + 1}: one more than "
+                          "the states, for the box and a generator that is kept.")
     chosen = {"directions": compared(plant, gains, options), "limit": np.zeros(n), "set": "blocks"}
     orders = [least] if "order" in options else [least, least + 1, least + 2, least + 4, least + 8]
     sizes = [(o, j) for j in ([int(options["rows"])] if "rows" in options else LENGTHS) for o in orders]
@@ -170,7 +171,7 @@ def followed(plant: Plant, gains: dict, order: int, longest: int) -> tuple[Array
     near |= {k: np.broadcast_to(near[k], (origins, *near[k].shape[1:])) for k in ("scalars", "noise", "pushed")}
     half = np.diag(thresholds.starts(t)[1])
     shape = BlockTables(order=order, weight=half ** -2.0, directions=gains["directions"], e=np.zeros(n), start=half,
-                        anywhere=half, most=np.full(n, np.inf), wide=np.full(n, np.inf), slack=np.zeros(()), **near)
+                        anywhere=half, most=np.full(n, np.inf), wide=np.full(n, np.inf), **near)
     t = PointTables(**vars(t), shape=shape)
     run, paths = BlockObserver({t.real: t}, Supervision()), np.array(patterns(plant.n_modes, 1, STEPS))
     at = run.whole(t, np.zeros((len(paths), n)))

@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
+import numpy as np
+
 
 def shortest(rho: float, lam: float) -> float:
     """Infimum of the certified average dwell times, -ln(rho)/ln(1 - lam), in samples.
@@ -58,3 +60,56 @@ def admissible(modes: tuple[int, ...], tau: float, chatter: float) -> bool:
         if bucket > chatter + 1e-12:
             return False
     return True
+
+
+def fewest_samples(switching, period: float, proof: dict) -> int:
+    """Samples that every mode lasts at least, where the plant file or a proof says so.
+
+    Parameters
+    ----------
+    switching : Switching
+        Of the plant; an average dwell time with a chatter bound of 1 is the shortest time as well.
+    period : float
+        Sample period, s.
+    proof : dict
+        Of gains, or a certificate.
+
+    Returns
+    -------
+    samples : int
+        1: any sequence.
+    """
+    found = 1
+    if switching.average_dwell is not None and switching.chatter == 1:
+        found = max(1, int(switching.average_dwell / period + 1e-9))
+    if proof.get("rho", 1.0) > 1 and proof.get("chatter", 1) == 1:
+        found = max(found, math.ceil(proof["dwell_add"] / proof["dwell_drain"]))
+    return found
+
+
+def patterns(modes: int, dwell: int, steps: int) -> list[tuple[int, ...]]:
+    """List mode sequences that a dwell time admits: modes that stay, pairs and rounds at several paces, random ones.
+
+    Parameters
+    ----------
+    modes, dwell, steps : int
+
+    Returns
+    -------
+    paths : list of tuple of int
+    """
+    cycles = [[q] for q in range(modes)]
+    for pace in sorted({dwell, dwell + 1, 2 * dwell, 3 * dwell}):
+        for a in range(modes):
+            cycles += [[a] * dwell + [b] * pace for b in range(modes) if b != a]
+        cycles.append([q for q in range(modes) for _ in range(pace)])
+    paths = {tuple((cycle * (-(-steps // len(cycle))))[:steps]) for cycle in cycles}
+    rng = np.random.default_rng(0)
+    for _ in range(4 if modes > 1 else 0):
+        path: list[int] = []
+        while len(path) < steps:
+            q = int(rng.integers(modes - 1))
+            q += bool(path and q >= path[-1])  # another one than before
+            path += [q] * int(dwell + rng.integers(2 * dwell + 1))
+        paths.add(tuple(path[:steps]))
+    return sorted(paths)

@@ -151,12 +151,20 @@ def modes(axis: Axes, run: Run) -> None:
     _rows(axis, names, "mode")
 
 
+def joint_only(run: Run) -> Array:
+    """Shown samples at which every residual is within its own bound, and all of them together outside their set."""
+    raw = run.trace.raw_bits[run.window]
+    return (raw == 1 << run.plant.n_y) if hasattr(run.trace, "r_bound") else np.zeros(len(raw), dtype=bool)
+
+
 def monitor(axis: Axes, run: Run) -> None:
     """What was wrong and what the firmware said of it."""
     refused = run.trace.status[run.window] != 0
     rows = [("fault", np.any(run.truth.f[run.window] != 0, axis=1), FAULT),
             ("alarm", run.trace.alarm[run.window], ALARM), ("assured", run.trace.assured[run.window], ASSURED)]
     rows += [("refused", refused, TRUTH)] if refused.any() else []
+    joint = joint_only(run)
+    rows[1:1] = [("only jointly", joint, ALARM)] if joint.any() else []
     for row, (name, on, colour) in enumerate(rows):
         if name == "assured":  # where several samples share a column, one without guarantee is enough
             lost = np.zeros_like(on)

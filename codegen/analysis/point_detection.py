@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 
 from ..algebra.error_set import ErrorRecursion
-from . import set_detectability
+from . import set_detectability, sure_faults
 from .set_tables import DwellTable
 
 Array = np.ndarray
@@ -38,14 +38,16 @@ def thresholds(plant, t, cert: dict, within: int) -> Array:
     ndarray (n_f, within + 1)
         Infinite where no size is sure.
     """
-    if cert["set"] == "thresholds":
-        return tabulated(plant, t, cert, within)
+    if cert["set"] in sure_faults.FOLLOWERS:
+        return sure_faults.thresholds(plant, t, cert, within)
     if cert["set"] == "schedule":
         return along_schedule(plant, t, within)
     out = np.full((plant.n_f, within + 1), np.inf)
     if not cert.get("steady_box"):
         return out
-    first, later = (2.0 * b for b in settled_bounds(t, cert))
+    D = t.shape.directions.astype(float) if cert["set"] == "blocks" else np.eye(plant.n_y)
+    bounds = block_bounds(t, cert, len(D)) if cert["set"] == "blocks" else settled_bounds(t, cert)
+    first, later = (2.0 * b for b in bounds)
     modes = plant.observed.modes
     while plant.n_modes ** (within + 2) > MOST_SEQUENCES and within > 0:
         within -= 1
@@ -56,7 +58,7 @@ def thresholds(plant, t, cert: dict, within: int) -> Array:
             for d, r in enumerate(responses(modes, t, path, j)):
                 with np.errstate(divide="ignore"):
                     bound = np.minimum(first[path[d + 1]], later[path[d], path[d + 1]]) if d else first[path[1]]
-                    found = min(found, np.min(bound / np.abs(r)))
+                    found = min(found, np.min(bound / np.abs(D @ r)))
                 worst[d] = max(worst[d], found)
         out[j, :within + 1] = worst
         out[j, within:] = worst[within]
@@ -110,8 +112,6 @@ def settled_bounds(t, cert: dict) -> tuple[Array, Array]:
     The width that "settled" is measured by holds the noise in the estimate too, which depends on the mode: the box is
     scaled so that it covers any share of it. (A scaled box is kept as the box itself is.)
     """
-    if cert["set"] == "box":
-        return box_bounds(t, cert)
     z, C, M = t.shape, t.C.astype(float), t.M.astype(float)
     half, e = np.array(cert["steady_box"]["half"]), z.e.astype(float)
     most = np.array(cert["steady_box"]["width"]) / 2 - z.spread.astype(float).min(axis=0)
@@ -124,14 +124,13 @@ def settled_bounds(t, cert: dict) -> tuple[Array, Array]:
     return first * room, (carried + added + rest + np.abs(C) @ e) * room
 
 
-def box_bounds(t, cert: dict) -> tuple[Array, Array]:
-    """The same of an interval set: what the firmware itself computes from the largest half widths."""
-    z = t.shape
-    half, most = np.array(cert["steady_box"]["half"]), np.array(cert["steady_box"]["width"]) / 2
-    half = half * np.max((most - z.spread.astype(float).min(axis=0)) / half)
-    S, P, rest = z.S.astype(float), z.P.astype(float), z.rho.astype(float).max(axis=1)
-    carried = P @ half + z.g.astype(float).max(axis=1)
-    return S @ half + rest, np.einsum("qyx,px->pqy", S, carried) + rest
+def block_bounds(t, cert: dict, count: int) -> tuple[Array, Array]:
+    """The same of a set carried from block to block, in its directions: (N, m) and (N, N, m)."""
+    z, half = t.shape, np.array(cert["steady_box"]["half"])
+    reach = np.abs(z.rows.astype(float)) @ half + z.scalars.astype(float).max(axis=0)
+    own = z.noise.astype(float).max(axis=0)[:, :count] + reach[:, 1:].max(axis=(0, 1))[:count]  # 0: only at a start
+    own = own * (1.0 + 4 * (z.order + len(half) + 8) * float(np.finfo(t.dtype).eps))
+    return own, np.broadcast_to(own, (len(t.A), len(t.A), count))
 
 
 def responses(modes, t, path, channel: int):

@@ -20,8 +20,12 @@ from .svg import pick, style
 Array = np.ndarray
 
 #: One colour per set or table, in the order in which they are given; the first is filled.
-COLOURS = (EDGE, FAULT, ASSURED, MODE, "#CC79A7", IDLE)
+COLOURS = (EDGE, ASSURED, MODE, "#CC79A7", FAULT, IDLE)
+#: What noise alone can fill is dashed and black, whatever stands beside it.
+EXACT = "exact"
 BUCKETS = 200
+#: A residual so many times as far out as the sets is drawn nearer, with how far it is.
+FAR = 4.0
 
 
 @dataclass(frozen=True)
@@ -108,14 +112,17 @@ def sets_figure(snapshots: Sequence[Snapshot], names: tuple[str, str]) -> Figure
     """
     columns = min(4, len(snapshots))
     rows = -(-len(snapshots) // columns)
-    reach = 1.08 * np.max([np.abs([*points, s.residual]).max(axis=0) for s in snapshots for points in
-                           s.outlines.values()], axis=0)
+    sets = np.max([np.abs(points).max(axis=0) for s in snapshots for points in s.outlines.values()], axis=0)
+    residuals = np.max([np.abs(s.residual) for s in snapshots], axis=0)
+    reach = 1.08 * np.clip(residuals, sets, FAR * sets)
     with style():
         figure = Figure(figsize=(WIDTH, 1.7 * rows + 0.75), layout="constrained")
         axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
         for axis, snapshot in zip(axes.flat, snapshots):
-            _snapshot(axis, snapshot)
+            _snapshot(axis, snapshot, reach)
             axis.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]))
+            axis.locator_params(nbins=4 if columns > 2 else 6)
+            axis.ticklabel_format(style="sci", scilimits=(-3, 4), useMathText=False)
         for axis in axes.flat[len(snapshots):]:
             axis.set_visible(False)
         for axis in axes.flat[max(0, len(snapshots) - columns):len(snapshots)]:
@@ -123,7 +130,7 @@ def sets_figure(snapshots: Sequence[Snapshot], names: tuple[str, str]) -> Figure
         figure.supxlabel(names[0], fontsize=9.5)
         figure.supylabel(names[1], fontsize=9.5)
         labels = list(dict.fromkeys(name for s in snapshots for name in s.outlines))
-        keys = [Line2D([], [], color=colour, label=name) for name, colour in zip(labels, COLOURS)]
+        keys = [Line2D([], [], label=name, **_line(name, i)) for i, name in enumerate(labels)]
         keys.append(Line2D([], [], color="#000000", marker="o", linestyle="", markersize=4, label="residual"))
         if any(s.alarm for s in snapshots):
             keys.append(Line2D([], [], color=ALARM, marker="X", linestyle="", markersize=6, label="outside: alarm"))
@@ -131,17 +138,30 @@ def sets_figure(snapshots: Sequence[Snapshot], names: tuple[str, str]) -> Figure
     return figure
 
 
-def _snapshot(axis: Axes, snapshot: Snapshot) -> None:
-    for i, (points, colour) in enumerate(zip(snapshot.outlines.values(), COLOURS)):
-        axis.add_patch(Polygon(points, closed=True, facecolor=BAND if i == 0 else "none", edgecolor=colour,
-                               linewidth=1.1))
+def _line(name: str, i: int) -> dict:
+    """Colour and dashes of a curve by its name and place."""
+    exact = name == EXACT
+    return {"color": "#000000" if exact else COLOURS[i % len(COLOURS)], "linestyle": "--" if exact else "-"}
+
+
+def _snapshot(axis: Axes, snapshot: Snapshot, reach: Array) -> None:
+    for i, (name, points) in enumerate(snapshot.outlines.items()):
+        line = _line(name, i)
+        axis.add_patch(Polygon(points, closed=True, facecolor=BAND if i == 0 else "none", edgecolor=line["color"],
+                               linestyle=line["linestyle"], linewidth=1.1))
     colour, marker, size = (ALARM, "X", 6) if snapshot.alarm else ("#000000", "o", 4)
-    axis.plot(*snapshot.residual, linestyle="", color=colour, marker=marker, markersize=size)
+    times = 1.08 * np.max(np.abs(snapshot.residual) / reach)
+    drawn = snapshot.residual / max(times, 1.0)
+    axis.plot(*drawn, linestyle="", color=colour, marker=marker, markersize=size)
+    if times > 1.0 + 1e-9:
+        side, above = ("right" if drawn[0] > 0 else "left"), ("top" if drawn[1] > 0 else "bottom")
+        axis.annotate(f"{times:.2g} × further", drawn, (0, -7 if drawn[1] > 0 else 7), ha=side, va=above,
+                      textcoords="offset points", fontsize=8.0)
     axis.set_title(snapshot.title)
 
 
 def area_figure(time: Array, areas: Mapping[str, Array]) -> Figure:
-    """Draw the areas of several sets over time, logarithmic.
+    """Draw the areas of several sets over time; what they begin with may run off the panel.
 
     Parameters
     ----------
@@ -153,11 +173,11 @@ def area_figure(time: Array, areas: Mapping[str, Array]) -> Figure:
     -------
     Figure
     """
-    return _lines(time, areas, "area of the residual set", "log")
+    return _lines(time, areas, "area of the residual set")
 
 
 def threshold_figure(time: Array, exact: Array, tables: Mapping[str, Array], name: str) -> Figure:
-    """Draw thresholds in one direction over time, the exact one as a line in black.
+    """Draw thresholds in one direction over time, the exact one dashed; what they begin with may run off the panel.
 
     Parameters
     ----------
@@ -172,26 +192,25 @@ def threshold_figure(time: Array, exact: Array, tables: Mapping[str, Array], nam
     -------
     Figure
     """
-    figure = _lines(time, tables, f"threshold on {name}", "linear", exact)
-    figure.axes[0].set_ylim(bottom=0.0)
-    return figure
+    return _lines(time, {**tables, EXACT: exact}, f"threshold on {name}")
 
 
-def _lines(time: Array, curves: Mapping[str, Array], label: str, scale: str, exact: Array | None = None) -> Figure:
+def _lines(time: Array, curves: Mapping[str, Array], label: str) -> Figure:
     with style():
         figure = Figure(figsize=(WIDTH, 2.6), layout="constrained")
         axis = figure.subplots()
-        shown = pick(np.array([*curves.values(), *([] if exact is None else [exact])]).T, BUCKETS)
-        for (name, values), colour in zip(curves.items(), COLOURS):
-            axis.plot(time[shown], values[shown], color=colour, linewidth=1.2, label=name)
-        if exact is not None:
-            axis.plot(time[shown], exact[shown], color="#000000", linewidth=1.0, linestyle="--", label="exact")
-        axis.set(xlabel="time (s)", ylabel=label, yscale=scale, xlim=(time[0], time[-1]))
+        shown = pick(np.array([*curves.values()]).T, BUCKETS)
+        for i, (name, values) in enumerate(curves.items()):
+            axis.plot(time[shown], values[shown], linewidth=1.2, label=name, **_line(name, i))
+        settled = np.array([*curves.values()])[:, len(time) // 4:]
+        axis.set(xlabel="time (s)", ylabel=label, xlim=(time[0], time[-1]), ylim=(0.0, 1.15 * np.nanmax(settled)))
+        axis.ticklabel_format(axis="y", style="sci", scilimits=(-3, 4), useMathText=False)
         figure.legend(loc="outside upper left", ncols=6, handlelength=1.8, columnspacing=1.2)
     return figure
 
 
-def order_figure(orders: Sequence[int], mean: Array, worst: Array, cost: Array, unit: str) -> Figure:
+def order_figure(orders: Sequence[int], mean: Array, worst: Array, cost: Array, unit: str,
+                 chosen: int | None = None) -> Figure:
     """Draw accuracy and cost against the order of a zonotope.
 
     Parameters
@@ -202,6 +221,8 @@ def order_figure(orders: Sequence[int], mean: Array, worst: Array, cost: Array, 
     cost : ndarray (k,)
     unit : str
         Of the cost.
+    chosen : int, optional
+        Marked by a line.
 
     Returns
     -------
@@ -213,7 +234,10 @@ def order_figure(orders: Sequence[int], mean: Array, worst: Array, cost: Array, 
         axis.plot(orders, worst, color=ALARM, marker="s", markersize=3.5, linewidth=1.2, label="threshold, worst")
         axis.plot(orders, mean, color=EDGE, marker="o", markersize=3.5, linewidth=1.2, label="threshold, mean")
         axis.axhline(1.0, color="#000000", linewidth=0.8, linestyle=":")
+        if chosen is not None:
+            axis.axvline(chosen, color="#000000", linewidth=0.8)
         axis.set(xlabel="order (columns kept)", ylabel="threshold / exact")
+        axis.xaxis.get_major_locator().set_params(integer=True)
         other = axis.twinx()
         other.plot(orders, cost, color=MODE, marker="^", markersize=3.5, linewidth=1.2, linestyle="--", label=unit)
         other.set(ylabel=unit, ylim=(0.0, 1.1 * np.max(cost)))

@@ -17,6 +17,9 @@ from .set_stay import OUTWARD, Stay
 
 Array = np.ndarray
 
+#: Laps that are looked at one by one; a lap may contract so much that a norm would be kept for nothing but the first.
+LAPS = 3
+
 
 @dataclass(frozen=True)
 class ScheduleTable:
@@ -77,7 +80,7 @@ def schedule_table(m: ErrorRecursion, lead: Sequence[int], cycle: Sequence[int],
     for k, (b, q) in enumerate(zip(befores(m, path), path)):
         if k >= len(path) - P:  # from here on every sample has its like a lap before: the same mode before it, too
             M, W = _lap(m, path, k, P)
-            ever = Stay(M, W, directions @ m.C[q], where="schedule").ever(H, [W], 0)
+            ever = Stay(M, W, directions @ m.C[q], LAPS, "schedule").ever(H, [W], 0)
             h[k] = np.maximum(h[k], ever + zonotope.support(m.V[b, q], directions))
         H = np.concatenate([m.A[q] @ H, m.W[b, q]], axis=1)
     return ScheduleTable(np.asarray(directions, dtype=float), h * OUTWARD, P)
@@ -85,7 +88,7 @@ def schedule_table(m: ErrorRecursion, lead: Sequence[int], cycle: Sequence[int],
 
 @dataclass(frozen=True)
 class PhaseTable:
-    """T1 for firmware that may start at any phase of the schedule, and has lost it where a mode is not the expected one.
+    """T1 for firmware that may start at any phase of the schedule: where a mode is not the expected one it starts anew.
 
     Parameters
     ----------
@@ -130,7 +133,7 @@ def phase_table(m: ErrorRecursion, cycle: Sequence[int], first: Array, anywhere:
     """
     P, d, cycle = len(cycle), len(directions), tuple(cycle)
     laps = [_lap(m, cycle * 2, P + i, P) for i in range(P)]
-    stays = [Stay(M, W, directions @ m.C[q], where="schedule") for (M, W), q in zip(laps, cycle)]
+    stays = [Stay(M, W, directions @ m.C[q], LAPS, "schedule") for (M, W), q in zip(laps, cycle)]
     begin, lap = np.zeros((rows, d)), np.zeros((P, d))
     anew = np.array([np.broadcast_to(zonotope.support(C @ anywhere, directions) + zonotope.support(V, directions),
                                      (rows, d)) for C, V in zip(m.C, m.V[m.start])]).swapaxes(0, 1)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..errors import PlantError
 from ..observers import FilterTrace, Trace
 from ..observers.supervisor import BAD_INPUT, BAD_MODE, BAD_PARAMETER
 from ..plant.model import Plant, PlantTrace, Scenario
@@ -146,8 +147,18 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
     Returns
     -------
     list of Outcome
+
+    Raises
+    ------
+    PlantError
+        A scenario that the plant file does not have.
     """
     plant = design.plant
+    known = [s.name for s in plant.scenarios]
+    for name in names or ():
+        if name not in known:
+            raise PlantError(f'{plant.name}: scenario "{name}" (found), expected '
+                             + (f"one of {', '.join(known)}." if known else "none: the plant file has no scenario."))
     scenarios = [s for s in plant.scenarios if not names or s.name in names]
     truths = []
     for scenario in scenarios:

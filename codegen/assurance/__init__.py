@@ -20,7 +20,9 @@ the C and refuses any difference. It names no date: the same design, C and tools
 
 ``places`` finds the lines: it parses the C and executes it with symbols (``c_reader``, ``symbolic``), so a constant is
 located by what it multiplies, not by how it looks; ``read_varying`` does so where coefficients depend on parameters
-(``M_theta`` are slopes, index [parameter, row, column]) or radii move the bounds apart. ``claims`` and ``margins``
-state the conditions, ``plant_lines`` finds the plant's entries, ``checks`` knows the commands, ``statement`` puts all
+(``M_theta`` are slopes, index [parameter, row, column]) or radii move the bounds apart, ``point_places`` reads the sets
+of point observers table by table. ``claims`` and ``margins`` state the conditions, ``point_claims`` and
+``point_margins`` those of sets (a new kind needs an entry in the dicts of both, and in ``emit.set_ranges`` if its state
+has words of its own), ``plant_lines`` finds the plant's entries, ``checks`` knows the commands, ``statement`` puts all
 that together, ``document`` is the file.
 """

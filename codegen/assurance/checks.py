@@ -174,7 +174,8 @@ def of_design(folder: Path, prefix: str, measured: dict, stated: bool = True) ->
         checker = subprocess.run([sys.executable, independent.__file__, str(folder)], capture_output=True, text=True,
                                  check=False)
         says = checker.stdout.splitlines() if not checker.returncode else checker.stderr.splitlines()[-1:]
-        done["independent"] = (_state(not checker.returncode), {"says": says}, f"{OWN}, Python's fractions")
+        state = "not run" if checker.returncode == 2 else _state(not checker.returncode)  # 2: it knows no such set
+        done["independent"] = (state, {"says": says}, f"{OWN}, Python's fractions" if state != "not run" else "")
     if measured:
         done["compile"] = ("passed", {k: {"flags": m.get("flags"), "flash_bytes": m.get("flash_bytes")}
                                       for k, m in measured.items()},

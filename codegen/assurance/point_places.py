@@ -28,6 +28,8 @@ UNPRINTED = {"x_lo", "x_hi", "x0_lo", "x0_hi", "u_lo", "u_hi", "y_lo", "y_hi"}
 READ_BY_MAPS = set("MGLNdABaCDc")
 #: What the test of all residuals together reads, which not every number of outputs needs.
 TOGETHER = {"directions", "slack", "floor"}
+#: Numbers of the formulas themselves, which the printed tree holds to their places.
+FORMULA = {0, 1, Fraction(1, 2)}
 
 
 def read_sets(source: Source, design, d, t, read_apart: set[str], found) -> None:
@@ -62,6 +64,8 @@ def read_sets(source: Source, design, d, t, read_apart: set[str], found) -> None
         inside: set[int] = set()
         for node in walk(definition.body):
             if isinstance(node, c_ast.Decl) and isinstance(node.init, c_ast.InitList) and "static" in node.storage:
+                if not any(_numbers(node, d.real, set())):
+                    continue  # whole numbers: the tree is that of the C as it is printed anew
                 inside |= {id(n) for n in walk(node)}
                 order = {k: known[k] for k in sorted(known, key=lambda k: (k != node.name, k in seen))}
                 seen |= _match(source, function, node, order, modes, d.real, found)
@@ -71,10 +75,11 @@ def read_sets(source: Source, design, d, t, read_apart: set[str], found) -> None
             if name:
                 found.add(name, "", function, (), known[name], c)
                 seen.add(name)
-            elif c.value:
+            elif c.value not in FORMULA:
                 raise CertificateError(f"{source.name}:{c.line}: {function} has {c.literal}, no number of the tables "
                                        "(expected none). Print it again.")
-    missing = [k for k, v in known.items() if np.any(v) and k not in seen | READ_BY_MAPS | TOGETHER]
+    apart = getattr(t.shape, "unprinted", set())
+    missing = [k for k, v in known.items() if np.any(v) and k not in seen | READ_BY_MAPS | TOGETHER | apart]
     if missing:
         raise CertificateError(f"{source.name}: does not hold {', '.join(missing)} of the tables (expected every one). "
                                "Print it again.")
@@ -121,7 +126,7 @@ def _fields(design, t) -> dict[str, Array]:
             runner.reset(t, np.ones(1, dtype=bool))
         known[f"{stem}_hat"] = runner.x_hat[0]
         whole = runner.set[0]
-        if whole.dtype != t.dtype:  # stage and count of a table, which has no limit
+        if whole.dtype != t.dtype or hasattr(t.shape, "anywhere"):  # a table, or a set with starts of its own
             known.pop("limit", None)
         else:
             known[f"{stem}_set"] = np.diagonal(whole[:, :len(t.box)]).copy() if whole.ndim == 2 else whole
@@ -172,7 +177,7 @@ def _match(source: Source, function: str, node: Node, known: dict, modes: list[s
 
 
 #: Fields whose first axis is the mode: the document gives them mode by mode.
-MODE_FIRST = {*"MACVH", "F", "Fb", "Hb", "rho", "k", "kb", "kr"}
+MODE_FIRST = {*"MACVHPS", "F", "Fb", "Hb", "rho", "k", "kb", "kr", "Pb", "gb", "powers", "rows"}
 
 
 def _orders(value: Array) -> Iterator[Array]:
@@ -181,8 +186,10 @@ def _orders(value: Array) -> Iterator[Array]:
     yield at.ravel()
     if value.ndim == 2 and len(value) > value.shape[1]:
         yield at[value.shape[1]:].ravel()  # the first directions are the outputs themselves
-    if value.ndim == 4:
-        yield at.swapaxes(2, 3).ravel()
+    if value.ndim >= 4:
+        yield at.swapaxes(-2, -1).ravel()
+        yield at.swapaxes(0, 1).ravel()  # mode by mode, in each the origins
+        yield at.swapaxes(0, 1).swapaxes(-2, -1).ravel()
 
 
 def _read_starts(source: Source, prefix: str, known: dict, found) -> None:

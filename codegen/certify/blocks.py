@@ -1,7 +1,7 @@
 """Tables of blocks on the numbers of the C: what scalars, noise and the box beside the set must be at least.
 
-The recursion is that of ``thresholds``; ``block_bounds`` says what rounded rows, powers and columns lack of it for any H
-whose row sums stay below a limit, and the firmware starts anew where they do not. On top comes the rounding of the
+The recursion is that of ``thresholds``; ``block_bounds`` says what rounded rows, powers and columns lack of it for any
+H whose row sums stay below a limit, and the firmware starts anew where they do not. On top comes the rounding of the
 firmware's own sums, per term of each, with and without fused multiply-add.
 """
 
@@ -21,11 +21,11 @@ from .thresholds import check_middle, directions_of, recursion, starts
 
 Array = np.ndarray
 #: What is left over when demands are rounded up, and the names of what is frozen so.
-ROOM, NAMES = Q(1 + 1e-6), ("scalars", "noise", "e", "slack")
+ROOM, NAMES = Q(1 + 1e-6), ("scalars", "noise", "e")
 
 
 class BlockDemands:
-    """Least values of a table's scalars, noise, box and slack, for given rows, powers, columns and limits.
+    """Least values of a table's scalars, noise and box, for given rows, powers, columns and limits.
 
     Parameters
     ----------
@@ -59,8 +59,14 @@ class BlockDemands:
         """Rounding of a sum of so many magnitudes, ``size`` in total."""
         return terms * (self.u * size * (1 + 4 * terms * self.u) + self.tiny)
 
+    def _compared(self, bounds: Array) -> Array:
+        """Rounding of d' r where no |r_i| is beyond its bound; a coordinate is compared as it is."""
+        size = abs(rational(self.z.directions))
+        slip = (self.n_y + 3) * self.u * product(size, column(bounds)).ravel() + 4 * self.n_y * self.tiny
+        return np.where((size > 0).sum(axis=1) > 1, slip, Q(0))
+
     def scalars(self) -> Array:
-        """Least scalars (O, N, J + 1, d); the last addition is that of the room beside them."""
+        """Least scalars (O, N, J + 1, d); those of directions that are no coordinates hold the rounding of d' r too."""
         z, out = self.z, rational(self.needs.scalars)
         noise, given = np.max(rational(z.noise).reshape(-1, z.noise.shape[2]), axis=0), rational(z.scalars)
         ends = np.array([Q(0)] * self.m + [2 * self.u * Q(w) + 2 * self.tiny for w in z.wide], dtype=object)
@@ -69,7 +75,8 @@ class BlockDemands:
             along, reach = self._along(rows, self.count), self._reach(rows)
             for o in range(len(out)):
                 size = reach * (1 + 2 * self.n * self.u) + noise + given[o, q, j]
-                out[o, q, j] += along + self._chain(self.count + 5, size) + ends + 4 * self.n_y * self.tiny
+                out[o, q, j] += along + self._chain(self.count + 4, size) + ends
+                out[o, q, j, :self.m] += self._compared(size[:self.n_y])
         return out
 
     def noise(self) -> Array:
@@ -88,29 +95,29 @@ class BlockDemands:
                 out = here if out is None else np.maximum(out, here)
         return out
 
-    def slack(self) -> Array:
-        """Least slack."""
-        size = max([Q(1), *abs(rational(self.z.directions)).ravel()])
-        return np.array((self.n_y + 6) * self.u * size * Q(1.0625), dtype=object)
-
     def steady(self, half: Array) -> bool:
         """Whether the row sums of |H| enter and keep half widths (n_x,) at the end of every block."""
-        half, z = rational(half), self.z
+        return bool(np.all(self.left(half) >= 0))
+
+    def left(self, half: Array) -> Array:
+        """What half widths (n_x,) have beyond the row sums at the end of any block; below 0 where they are not kept."""
+        half, z, least = rational(half), self.z, None
         for q, j in np.ndindex(*z.powers.shape[:2]):
             power = abs(rational(z.powers[q, j]))
             kept = product(power, column(half)).ravel()
             push = max_of(abs(rational(z.pushed[:, q, j])).sum(axis=2))
             rest = rational(z.e) + self._along(z.powers[q, j], self.count)
-            if np.any(kept >= half) or np.any((kept + push + rest) * (1 + 4 * (self.count + 8) * self.u) > half):
-                return False
-        return True
+            here = half - (kept + push + rest) * (1 + 4 * (self.count + 8) * self.u)
+            here = np.where(kept < half, here, Q(-1))
+            least = here if least is None else np.minimum(least, here)
+        return least
 
     def settled(self, half: Array) -> Array:
         """Bounds in all directions (d,) that no block exceeds whose H has row sums below half widths (n_x,)."""
         z, half = self.z, rational(half)
         noise = np.max(rational(z.noise).reshape(-1, z.noise.shape[2]), axis=0)
         out = [product(abs(rational(z.rows[q, j])), column(half)).ravel() + max_of(rational(z.scalars[:, q, j]))
-               for q, j in np.ndindex(*z.rows.shape[:2])]
+               for q, j in np.ndindex(*z.rows.shape[:2]) if j]  # none has gone by only at a start
         return (max_of(np.array(out, dtype=object)) + noise) * (1 + 4 * (self.count + self.n + 8) * self.u)
 
 
@@ -151,8 +158,7 @@ def freeze_blocks(shape_class, modes, t, table, order: int, most: Array):
     wide = 1.01 * (np.einsum("qjdx,x->qjd", np.abs(near["rows"][:, :, -n_x:]).astype(float), most).max(axis=(0, 1))
                    + near["scalars"][..., -n_x:].max(axis=(0, 1, 2)) + near["noise"][..., -n_x:].max(axis=(0, 1)))
     given = {"order": order, "weight": scale / scale.max(), "directions": table.directions[:-n_x, :n_y],
-             "e": np.zeros(n_x), "start": start, "anywhere": anywhere, "most": most, "wide": wide, "slack": np.zeros(()),
-             **near}
+             "e": np.zeros(n_x), "start": start, "anywhere": anywhere, "most": most, "wide": wide, **near}
     given = {k: v if k == "order" else np.array(v, dtype=real) for k, v in given.items()}
     for _ in range(3):  # scalars and e enter their own rounding, by parts in a million
         demands = BlockDemands(modes, t, shape_class(**given))
@@ -173,15 +179,25 @@ def certificate(modes, t, proof: dict) -> dict:
     push = push + np.array([[[float(x) for x in demands._along(A, z.order)] for A in mode] for mode in z.powers])
     scale = z.most.astype(float)
     rows = np.concatenate([(A * (1 + 1e-4) - np.eye(n)) * scale / scale[:, None] for mode in P for A in mode])
-    found = linprog(np.ones(n), A_ub=rows, b_ub=np.concatenate([-b * (1 + 1e-4) / scale for mode in push for b in mode]),
-                    bounds=[(1e-12, None)] * n)
+    demand = np.concatenate([-b * (1 + 1e-4) / scale for mode in push for b in mode])
+    found = linprog(np.ones(n), A_ub=rows, b_ub=demand, bounds=[(1e-12, None)] * n)
     if found.status == 0 and demands.steady(found.x * scale * (1 + 1e-6)):
         half = found.x * scale * (1 + 1e-6)
     steady = None
     if half is not None:
         width = np.array([up(2 * x) for x in demands.settled(half)[len(z.directions):]]) * (1 + 1e-9)
-        steady = {"half": half.tolist(), "width": width.tolist(), "hi": (width / 2).tolist(), "lo": (width / 2).tolist()}
+        half, hi = half.tolist(), (width / 2).tolist()
+        steady = {"half": half, "width": width.tolist(), "hi": hi, "lo": hi}
     return {**proof, "set": "blocks", "steady_box": steady}
+
+
+def first_room(t) -> dict[str, Array]:
+    """What the boxes of the first errors have beyond these, and the limit beyond the boxes; exact, not negative."""
+    out = {}
+    for half, name in zip(starts(t), ("start", "anywhere")):
+        held = rational(getattr(t.shape, name))
+        out[name] = np.minimum(held - rational(np.diag(half)), rational(t.shape.most) - held)
+    return out
 
 
 def check(modes, t, cert: dict) -> list[str]:
@@ -211,22 +227,21 @@ def check(modes, t, cert: dict) -> list[str]:
             where = np.unravel_index(np.argmax([float(x) for x in lack.ravel()]), lack.shape)
             raise CertificateError(f"certificate: {name}{[int(i) for i in where]} of the blocks is too small by "
                                    f"{float(lack[where]):.3g}: the set could lose a residual without fault.")
-    for half, name in zip(starts(t), ("start", "anywhere")):
-        held = rational(getattr(z, name))
-        if np.any(rational(np.diag(half)) > held) or np.any(held > rational(z.most)):
+    for name, left in first_room(t).items():
+        if np.any(left < 0):
             raise CertificateError(f"certificate: {name} does not hold the first errors, or is beyond the limit.")
     check_middle(t)
     claims = ["the residual lies in its set at every sample while no fault acts, so there is no false alarm, for any "
               f"switching, rounding included ({t.real}, with or without fused multiply-add)",
               "x_lo <= x <= x_hi at every sample while no fault acts, for any switching",
-              f"the row sums of the {z.order} generators stay below [{', '.join(f'{x:.4g}' for x in z.most)}]: a set that "
-              "would grow beyond starts again from every error that is possible; the estimate stays in a box",
-              f"the set is carried on at a switch or every {J - 1} samples; its tables are {z.words} numbers, "
-              f"{z.words * z.rows.itemsize} bytes of flash"]
+              f"the row sums of the {z.order} generators stay below [{', '.join(f'{x:.4g}' for x in z.most)}]: a set "
+              "that would grow beyond starts again from every error that is possible; the estimate stays in a box; the "
+              f"set is carried on at a switch or every {J - 1} samples by tables of {z.words} numbers "
+              f"({z.words * z.rows.itemsize} bytes of flash)"]
     if cert.get("steady_box"):
         half, width = np.array(cert["steady_box"]["half"]), np.array(cert["steady_box"]["width"])
         if not demands.steady(half) or np.any(rational(width) < 2 * demands.settled(half)[len(z.directions):]):
-            raise CertificateError("certificate: the hull of the error set leaves its box, or the bounds of x are wider.")
+            raise CertificateError("certificate: the hull of the error set leaves its box, or x its bounds.")
         claims.append(f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], for arbitrary "
                       "switching")
     return claims

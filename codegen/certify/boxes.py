@@ -3,7 +3,8 @@
 The hull of the error set obeys ``b+ <= |M| b + |F| 1 + rest`` and that of the residual ``|C| b + |V| 1 + rest``, with
 the columns F, V and rests of ``sets``. Every term of the C's sums is positive, so that a computed sum of n products
 and a constant is at least ``1 - (n + 1) u`` times the exact one, less what flushed numbers lose: the tables are larger
-by that much.
+by that much. In coordinates ``x - x_hat = T z`` it is ``T^-1 M T``, ``T^-1 F``, ``T^-1 rest`` and ``C T`` instead, for
+any T that has an inverse.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ import numpy as np
 from scipy.optimize import linprog
 
 from ..errors import CertificateError
-from .exact import Q, product, rational, up
+from .exact import Q, eye, inverse, product, rational, up
+from .freeze import nearest
 from .rounding import TINY, UNIT
 from .set_freeze import _check_reach
 from .sets import SetDemands, column
@@ -21,7 +23,8 @@ Array = np.ndarray
 #: Conditions "stored >= needed": name, and what it is.
 TABLES = (("P", "the size of M"), ("Pb", "the size of A"), ("g", "what a step adds to the error set"),
           ("gb", "what a step without measurement adds"), ("S", "the size of C"),
-          ("rho", "the noise in the residual"), ("spread", "the bounds of x"))
+          ("rho", "the noise in the residual"), ("spread", "the bounds of x"), ("R", "the size of the coordinates"),
+          ("Z", "the size of their inverse"))
 
 
 class BoxDemands:
@@ -40,30 +43,43 @@ class BoxDemands:
         self.columns = self.of.columns()
         self.share = 1 - (len(t.box) + 1) * self.u  # of an exact sum that the computed one keeps at least
 
-    def least(self) -> dict[str, Array]:
-        """Exact demands by the names of ``BoxTables``."""
-        modes = range(len(self.of.modes))
-        size = {name: abs(getattr(self.of, m)) / self.share for name, m in (("P", "M"), ("Pb", "A"), ("S", "C"))}
+    def least(self, T: Array) -> dict[str, Array]:
+        """Exact demands by the names of ``BoxTables``, for coordinates T (n_x, n_x)."""
+        modes, T = range(len(self.of.modes)), rational(T)
+        back = inverse(T)
+        size = {name: np.array([abs(product(back, product(A, T))) for A in getattr(self.of, m)], dtype=object)
+                / self.share for name, m in (("P", "M"), ("Pb", "A"))}
+        size["S"] = np.array([abs(product(C, T)) for C in self.of.C], dtype=object) / self.share
         rests = {"g": [self.of.rest(q, True) for q in modes], "gb": [self.of.rest(q, False) for q in modes],
                  "rho": [self.of.residual_rest(q) for q in modes]}
         added = {}
-        for name, noise, matrix in (("g", "F", "P"), ("gb", "Fb", "Pb"), ("rho", "V", "S")):
+        for name, noise, matrix, turn in (("g", "F", "P", back), ("gb", "Fb", "Pb", back), ("rho", "V", "S", None)):
             added[name] = np.array([
-                [(total(self.columns[noise][q, o]) + rests[name][q] + self.flushed(size[matrix][q])) / self.share
-                 for o in range(len(self.of.gain))] for q in modes], dtype=object)
+                [(self.spanned(self.columns[noise][q, o], rests[name][q], turn) + self.flushed(size[matrix][q], T))
+                 / self.share for o in range(len(self.of.gain))] for q in modes], dtype=object)
         own = 4 * self.u * (rational(self.t.box) + 2 * rational(self.t.limit)) + 8 * self.tiny
-        return {**size, **added, "spread": self.of.carried() * (1 + 4 * self.u) + own}
+        R, Z = abs(T) / self.share, abs(back) / self.share
+        spread = (self.of.carried() * (1 + 4 * self.u) + own + self.flushed(R, T)) / self.share
+        plain = np.array_equal(T, eye(len(T)))
+        return {**size, **added, "spread": spread, "R": abs(T) if plain else R, "Z": abs(back) if plain else Z}
 
-    def flushed(self, size: Array) -> Array:
+    def spanned(self, columns: Array, rest: Array, turn: Array | None) -> Array:
+        """Half widths of what columns and a box of rests span, turned or not."""
+        if turn is None:
+            return total(columns) + rest
+        return total(product(turn, columns)) + product(abs(turn), column(rest)).ravel()
+
+    def flushed(self, size: Array, T: Array) -> Array:
         """What numbers below the normal ones may lose in a sum: products, half widths and constants read as zero."""
         lost = product(size, column([self.tiny] * size.shape[1])).ravel()
-        return 2 * (lost + self.tiny * (sum(rational(self.t.limit)) + 2 * size.shape[1] + 2))
+        most = max(rational(self.t.limit)) / min(max(abs(T[:, k])) for k in range(len(T)))  # of a half width
+        return 2 * (lost + self.tiny * (size.shape[1] * most + 2 * size.shape[1] + 2))
 
     def onward(self, half: Array, q: int) -> tuple[Array, Array]:
         """Largest computed half widths after a measured step of mode q, and the part of them that was carried."""
-        z, more = self.t.shape, 1 + (len(half) + 2) * self.u
+        z, more, T = self.t.shape, 1 + (len(half) + 2) * self.u, rational(self.t.shape.T)
         carried = product(rational(z.P[q]), column(half)).ravel() * more
-        return carried + (np.max(rational(z.g[q]), axis=0) + self.flushed(rational(z.P[q]))) * more, carried
+        return carried + (np.max(rational(z.g[q]), axis=0) + self.flushed(rational(z.P[q]), T)) * more, carried
 
     def steady(self, half: Array) -> str:
         """Why half widths (n_x,) are not kept and entered in every mode; empty where they are."""
@@ -78,7 +94,15 @@ class BoxDemands:
     def width(self, half: Array) -> Array:
         """Ultimate width of the bounds of x for steady half widths, the rounding of their sums included."""
         room = 4 * self.u * (rational(self.t.box) + rational(self.t.limit)) + 8 * self.tiny
-        return 2 * (rational(half) + np.max(rational(self.t.shape.spread), axis=0)) + room
+        wide = product(rational(self.t.shape.R), column(rational(half))).ravel() * (1 + (len(half) + 2) * self.u)
+        return 2 * (wide + np.max(rational(self.t.shape.spread), axis=0)) + room
+
+    def start(self) -> Array:
+        """Largest half widths of the bounds of x where the set starts from the declared range or the initial box."""
+        t, more = self.t, (1 + (len(self.t.box) + 2) * self.u) ** 2
+        wide = np.max([rational(getattr(t, f"{n}_hi")) - rational(getattr(t, f"{n}_lo")) for n in ("x", "x0")], axis=0)
+        b = product(rational(t.shape.Z), column(wide / 2)).ravel()
+        return product(rational(t.shape.R), column(b)).ravel() * more + rational(t.shape.spread)[-1]
 
 
 def total(columns: Array) -> Array:
@@ -86,7 +110,7 @@ def total(columns: Array) -> Array:
     return abs(columns).sum(axis=1) if columns.shape[1] else np.array([Q(0)] * len(columns), dtype=object)
 
 
-def freeze_box(shape_class, modes, t):
+def freeze_box(shape_class, modes, t, T: Array):
     """Build the tables of a box for an estimate.
 
     Parameters
@@ -96,13 +120,16 @@ def freeze_box(shape_class, modes, t):
     modes : sequence
     t : object
         Estimate of ``set_freeze.freeze_estimate``, as attributes.
+    T : ndarray (n_x, n_x)
+        Coordinates; the identity for the states themselves.
 
     Returns
     -------
     BoxTables
     """
-    return shape_class(**{name: np.array([up(x, t.real) for x in need.ravel()], t.real).reshape(need.shape)
-                          for name, need in BoxDemands(modes, t).least().items()})
+    T = nearest(T, t.real)
+    return shape_class(T=T, **{name: np.array([up(x, t.real) for x in need.ravel()], t.real).reshape(need.shape)
+                               for name, need in BoxDemands(modes, t).least(T).items()})
 
 
 def prove(modes, t, proof: dict) -> dict:
@@ -138,7 +165,7 @@ def steady_box(t, demands: BoxDemands) -> Array | None:
     """Half widths that the set enters and keeps in every mode; None where no box does it."""
     P, n = t.shape.P.astype(float), len(t.box)
     push = np.max(t.shape.g.astype(float), axis=1) * (1 + 1e-6)
-    scale = np.maximum(t.limit.astype(float), 1e-300)
+    scale = np.abs(np.linalg.inv(t.shape.T.astype(float))) @ np.maximum(t.limit.astype(float), 1e-300)
     rows = np.concatenate([(m * (1 + 1e-6) - np.eye(n)) * scale / scale[:, None] for m in P])
     found = linprog(np.ones(n), A_ub=rows, b_ub=np.concatenate([-p / scale for p in push]), bounds=[(1e-9, None)] * n)
     if found.status != 0:
@@ -156,7 +183,7 @@ def check(modes, t, cert: dict) -> list[str]:
         Naming the condition and by how much it fails.
     """
     demands = BoxDemands(modes, t)
-    least = demands.least()
+    least = demands.least(t.shape.T)
     for name, what in TABLES:
         stored = rational(getattr(t.shape, name))
         if stored.shape != least[name].shape:
@@ -168,6 +195,8 @@ def check(modes, t, cert: dict) -> list[str]:
             raise CertificateError(f"certificate: {name}{[int(i) for i in where]}, {what}, is too small by "
                                    f"{float(lack[where]):.3g}: the set could lose a residual without fault.")
     _check_reach(t)
+    if t.shape.turned and np.any(demands.start() > rational(t.limit)):
+        raise CertificateError("certificate: the box of the declared range in these coordinates is beyond its limit.")
     claims = ["each residual is within its bound at every sample while no fault acts, so there is no false alarm, for "
               f"any switching, rounding included ({t.real}, with or without fused multiply-add)",
               "x_lo <= x <= x_hi at every sample while no fault acts, for any switching",

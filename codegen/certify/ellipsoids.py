@@ -184,6 +184,8 @@ def check(modes, t, cert: dict) -> list[str]:
                     raise CertificateError(f'certificate: {name} in mode "{mode}" does not hold its noise: the set '
                                            "could lose a residual without fault.")
     _check_bounds(t, demands)
+    for q, Z in enumerate(reaches(t, z.weight, z.kr)):
+        check_range(t, Q(z.gr[q]) * Z + np.max([np.diagonal(rational(V)) for V in z.V[q]], axis=0))
     _check_reach(t, np.sqrt(len(t.box)))
     return ["the residual lies in its ellipsoid at every sample while no fault acts, so there is no false alarm, for "
             f"any switching, rounding included ({t.real}, with or without fused multiply-add)",
@@ -191,6 +193,29 @@ def check(modes, t, cert: dict) -> list[str]:
             "the half widths of the error set stay below "
             f"[{', '.join(f'{x:.4g}' for x in t.limit)}]: a set that would grow beyond starts again from the declared "
             "ranges; the estimate stays in a box"]
+
+
+def reaches(t, weight: Array, rounding: Array) -> list[Array]:
+    """Largest diagonal of ``C X C'`` and its rounding, (n_y,) per mode, while half widths are within their limits."""
+    limit = rational(t.limit)
+    trace = sum(rational(weight) * limit**2)
+    return [(product(abs(rational(C)), column(limit)).ravel() ** 2 + rational(k) * trace) * fmpq(17, 16)
+            for C, k in zip(t.C, rounding)]
+
+
+def check_range(t, squares: Array) -> None:
+    """Check that the products of the membership test stay finite for residuals of these squares, (n_y,).
+
+    Raises
+    ------
+    CertificateError
+        An infinite product would be taken for a fault.
+    """
+    n_y, most = len(squares), max(squares)
+    largest = most if n_y == 1 else n_y**2 * most**2
+    if 64 * largest > 1 / (2 * TINY[t.real]):
+        raise CertificateError(f"certificate: a square of a residual may be {float(most):.3g} (found), and products of "
+                               f"such squares are not finite in {t.real}. Use float64, or larger units of x and y.")
 
 
 def _check_bounds(t, demands: EllipsoidDemands) -> None:

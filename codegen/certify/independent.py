@@ -2,11 +2,10 @@
 
 From the plant text, the tables and every literal of the C it proves again, in exact fractions, what the certificate
 claims, or names the first condition that fails (status 1). Parameters, unknowns and continuous plants are handed over
-to ``independent_lpv.py``, point observers to ``independent_sets.py``. For M, G, L, N, d of a mode and T = I - N C it asks that
-
+to ``independent_lpv.py``, point observers to ``independent_sets.py``. Of M, G, L, N, d and T = I - N C it asks:
     (T A - L C - M) x + (T B - L D - G) u + T Bw w - L Dv v - N Dv v+  +  rounding of inputs and sums  <=  d_hi
 
-for all x in [-box, box] and u, w, v in range, mirrored for d_lo. A product or sum is off by u |value| + tiny.
+for all x in [-box, box], u, w, v in range; mirrored for d_lo. A product or sum is off by u |value| + tiny.
 """
 
 import ast
@@ -225,7 +224,7 @@ def check_source(text, t):
         return set().union(*map(flat, value)) if isinstance(value, list) else {abs(F(value))}
 
     tables = {k: flat(v) for k, v in t.items() if isinstance(v, list)}
-    foreign = found - set().union(*tables.values()) - {F(0), F(1)}
+    foreign = found - {F(0), F(1)}.union(*tables.values())
     demand(not foreign, f"the C holds {[float(x) for x in sorted(foreign)][:3]}, no table does")
     needed = set().union(*(tables[k + s] for k in ("M_", "L_", "N_", "G_", "d_") for s, _ in SIDES)) - {F(0), F(1)}
     demand(needed <= found, "a constant of the tables is missing in the C")
@@ -234,9 +233,9 @@ def check_source(text, t):
 def main(folder):
     """Check a folder."""
     design, record = (json.loads((folder / f"{name}.json").read_text()) for name in ("design", "resources"))
-    sys.path.append(str(Path(__file__).parent))
     for key, other in (("vary", "independent_lpv"), ("shape", "independent_sets")):  # stand beside this file
         if any(key in t for t in design["tables"].values()):
+            sys.path.append(str(Path(__file__).parent))
             sys.exit(__import__(other).main(folder, design, record))
     modes, ranges, box0 = read_plant(design["plant"]["toml"])
     for real, t in design["tables"].items():

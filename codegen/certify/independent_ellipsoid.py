@@ -11,7 +11,7 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
 from independent import demand, exact, positive, sub  # noqa: E402 - stands beside this file
-from independent_sets import check_boxes, times, magnitudes  # noqa: E402
+from independent_sets import check_boxes, magnitudes, times  # noqa: E402
 
 
 def outer(columns, units):
@@ -27,6 +27,8 @@ def outer(columns, units):
 def check(e, cert, ranges, box0):
     """All conditions of one number type; return what they prove."""
     z, u, tiny, n, m = e.t["shape"], e.u, e.tiny, e.n, e.m
+    half = F(isqrt(n * 10**24) + 1, 10**12)  # above the square root of n
+    check_boxes(e, ranges, box0, exact(z["spread"])[-1], half)
     size = [1 / F(w) for w in z["weight"]]  # squares of powers of two
     for s in size:
         demand(F(isqrt(s.numerator), isqrt(s.denominator)) ** 2 == s, "a weight of the trace is no square")
@@ -52,7 +54,7 @@ def check(e, cert, ranges, box0):
                 lack = sub(S, [[g / (g - 1) * x for x in row] for row in Q])
                 for i in range(rows):
                     lack[i][i] -= (rows + 4) * u * S[i][i] + small
-                demand(S == [list(r) for r in zip(*S)] and positive(lack), f"{kind} of mode {q}, origin {o}, does not "
+                demand([list(r) for r in zip(*S)] == S and positive(lack), f"{kind} of mode {q}, origin {o}, does not "
                        "hold its noise")
     for a, b in (("a", "b"), ("ay", "by")):
         for slope, offset in zip((x for r in z[a] for x in r), (x for r in z[b] for x in r)):
@@ -63,7 +65,5 @@ def check(e, cert, ranges, box0):
             demand(s[i] >= need, f"spread[{o}][{i}] lacks {float(need - s[i]):.3g}")
     demand(F(z["slack"]) >= (40 if m <= 2 else 4 * m + 8) * u * F(17, 16) and F(z["floor"]) >= 64 * m**3 * tiny,
            "room of the membership test")
-    half = F(isqrt(n * 10**24) + 1, 10**12)  # above the square root of n
-    check_boxes(e, ranges, box0, exact(z["spread"])[-1], half)
     demand(cert.get("steady_box") is None, "a steady box of an ellipsoid")
     return "error and residual stay in their ellipsoids with rounding, boundedness"

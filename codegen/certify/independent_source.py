@@ -48,7 +48,7 @@ def check_source(text, t, prefix):
     every = {abs(x) for k in known for x in k} | {abs(F(x)) for x in z.values() if isinstance(x, float)} | {F(0), F(1)}
     foreign = {abs(x) for x in numbers(text, real)} - every - {abs(x) for x in numbers(starts, real)}
     demand(not foreign, f"the C holds {[float(x) for x in sorted(foreign)][:3]}, no table does")
-    needed = {abs(x) for k in ("M", "G", "L", "N", "d", "A", "B", "a", "C", "D", "c") for x in flat(t[k])} - {F(0), F(1)}
+    needed = {abs(x) for k in "MGLNdABaCDc" for x in flat(t[k])} - {F(0), F(1)}
     demand(needed <= {abs(x) for x in numbers(affine, real)}, "a constant of the tables is missing in the C")
     for centre, table, name in (("init", "set_initial", "x0"), ("whole_range", "whole_range", "x")):
         check_start(functions(text, prefix, centre), functions(text, prefix, table), t, name)
@@ -59,6 +59,13 @@ def check_start(centre, table, t, name):
     real = t["real"]
     middle = [numbers(m, real)[0] for m in re.findall(r"x_hat\[\d+\] = (.*?);", centre)]
     half = [max(F(hi) - c, c - F(lo)) for c, lo, hi in zip(middle, t[name + "_lo"], t[name + "_hi"], strict=True)]
+    if "h" in t["shape"]:  # its first rows are about the errors around this very middle
+        kind = "f" if real == "float32" else "d"
+        means = [struct.pack(kind, lo / 2 + hi / 2) for lo, hi in zip(t[name + "_lo"], t[name + "_hi"])]
+        demand(middle == [F(struct.unpack(kind, mean)[0]) for mean in means], f"middle of the box {name}")
+    if "Z" in t["shape"]:  # a box in other coordinates
+        back = __import__("independent_box").inverse([[F(x) for x in row] for row in t["shape"]["T"]])
+        half = [sum(abs(a) * h for a, h in zip(row, half)) for row in back]
     for body in re.findall(TABLE, table, re.S):
         found = numbers(body, real)
         if "kb" in t["shape"]:

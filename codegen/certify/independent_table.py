@@ -109,7 +109,7 @@ class Table:
         self.Q, self.s = len(e.modes), [F(2) * b for b in e.box]
         self.modes = [Mode(M, self.s) for M in e.M]
         origins = range(self.Q + 1)
-        made = [[self.gens(q, o) for q in range(self.Q)] for o in range(len(e.gains))]
+        made = [[self.gens_of(e, q, o, self.s) for q in range(self.Q)] for o in range(len(e.gains))]
         self.W = [made[min(i, len(made) - 1)] for i in origins]
         self.start = Gens([], start, self.s)
         T = [exact(x) for x in part["coordinates"]]
@@ -119,11 +119,13 @@ class Table:
         self.back = [inverse(x) for x in T]
         self.lookback = {}
 
-    def gens(self, q, o):
-        e = self.e
-        return Gens([list(c) for c in zip(*e.step(q, o, True))], e.rest(q, True), self.s)
+    @staticmethod
+    def gens_of(e, q, o, s):
+        """What a step adds."""
+        return Gens([list(c) for c in zip(*e.step(q, o, True))], e.rest(q, True), s)
 
     def firsts(self, stage, q):
+        """What the first step may add."""
         return [self.W[i][q] for i in range(self.Q) if i != q] if stage else [self.W[self.Q][q]]
 
     def rounded(self, q, rows):
@@ -152,7 +154,7 @@ class Table:
         unit = [[F(i == j) for j in range(e.n)] for i in range(e.n)]
         D = exact(z["directions"])
         there = Rows(self.modes[q], self.rounded(q, mul(D, e.C[q]) + unit), self.W[q][q], len(self.h[0][0]) + 1)
-        noise = [self.noise(q, min(i, len(e.gains) - 1), D) for i in range(self.Q + 1)]
+        noise = [self.noise_of(e, q, min(i, len(e.gains) - 1), D) for i in range(self.Q + 1)]
         for stage, rows in enumerate(self.h):
             entry, last = self.entries[stage][q], len(rows[q]) - 1
             for r in range(len(D) + e.n):
@@ -179,9 +181,9 @@ class Table:
             known[p] = rows.ever(0, self.entries[p][i], self.firsts(p, i), self.dwell)
         return known[p]
 
-    def noise(self, q, o, D):
+    @staticmethod
+    def noise_of(e, q, o, D):
         """What the noise of the sample itself and rounding add, by direction and state."""
-        e = self.e
         half = e.v[q][1]
         seen = mul(D, e.direct(q, o))
         rest = times(magnitudes(D), e.residual_rest(q))
@@ -202,30 +204,35 @@ def inverse(A):
     return [r[n:] for r in rows]
 
 
-def check(e, cert, ranges, box0):
-    """All conditions of one number type; return what they prove."""
-    t, z, (u, tiny) = e.t, e.t["shape"], UNIT[e.real]
-    demand({"dwell", "anew", "h", "hx", "directions"} <= set(z) and "main" in cert, "a table of another kind")
-    D, m = exact(z["directions"]), e.m
-    demand(D[:m] == [[F(i == j) for j in range(m)] for i in range(m)], "the first directions are the residuals")
+def room(e, h, hx):
+    """What entries leave to the set: less the firmware's rounding of d' r, and of x_hat plus and minus a width."""
+    (u, tiny), m = UNIT[e.real], e.m
+    h = [F(x) for x in h]
+    slip = [m * u * F(17, 16) * sum((abs(a) * b for a, b in zip(d, h)), F(0)) + 2 * m * tiny
+            if sum(x != 0 for x in d) > 1 else F(0) for d in exact(e.t["shape"]["directions"])]
+    x = [F(x) - u * F(17, 16) * (b + F(x)) - 2 * tiny for x, b in zip(hx, e.box)]
+    return [float(a - b) * (1 - 4 * EPS) for a, b in zip(h, slip)] + [float(a) * (1 - 4 * EPS) for a in x]
 
-    def room(h, hx):
-        """What entries leave to the set: less the firmware's rounding of d' r, and of x_hat plus and minus a width."""
-        h = [F(x) for x in h]
-        slip = [m * u * F(17, 16) * sum((abs(a) * b for a, b in zip(d, h)), F(0)) + 2 * m * tiny
-                if sum(x != 0 for x in d) > 1 else F(0) for d in D]
-        x = [F(x) - u * F(17, 16) * (b + F(x)) - 2 * tiny for x, b in zip(hx, e.box)]
-        return [float(a - b) * (1 - 4 * EPS) for a, b in zip(h, slip)] + [float(a) * (1 - 4 * EPS) for a in x]
 
-    rows = [[[room(*pair) for pair in zip(*q)] for q in zip(*s)] for s in zip(z["h"], z["hx"])]
-    kind = "f" if e.real == "float32" else "d"
+def starts(e, ranges, box0):
+    """Half widths of the first errors: of the initial box, and of all that are possible; checks the boxes too."""
+    t, m, kind = e.t, e.m, "f" if e.real == "float32" else "d"
+    demand(exact(t["shape"]["directions"])[:m] == [[F(i == j) for j in range(m)] for i in range(m)],
+           "the first directions are the residuals")
     for name, given in (("x", ranges), ("x0", box0)):
         for lo, hi, (a, b), box in zip(t[name + "_lo"], t[name + "_hi"], given, e.box):
             demand(F(lo) <= F(float(a)) and F(hi) >= F(float(b)), f"box {name} too small")
             demand(max(abs(F(lo)), abs(F(hi))) <= box and abs(F(lo) + F(hi)) / 2 < box, "box of the estimate too small")
     middle = [F(struct.unpack(kind, struct.pack(kind, lo / 2 + hi / 2))[0]) for lo, hi in zip(t["x0_lo"], t["x0_hi"])]
     first = [max(F(hi) - c, c - F(lo)) for c, lo, hi in zip(middle, t["x0_lo"], t["x0_hi"])]
-    anywhere = [max(abs(F(lo)), abs(F(hi))) + b for lo, hi, b in zip(t["x_lo"], t["x_hi"], e.box)]
+    return first, [max(abs(F(lo)), abs(F(hi))) + b for lo, hi, b in zip(t["x_lo"], t["x_hi"], e.box)]
+
+
+def check(e, cert, ranges, box0):
+    """All conditions of one number type; return what they prove."""
+    z = e.t["shape"]
+    first, anywhere = starts(e, ranges, box0)
+    rows = [[[room(e, *pair) for pair in zip(*q)] for q in zip(*s)] for s in zip(z["h"], z["hx"])]
     Table(e, rows[:z["anew"]], cert["first"], first).prove()
     Table(e, rows[z["anew"]:], cert["main"], anywhere).prove()
     for i, w in enumerate(cert["steady_box"]["width"]):

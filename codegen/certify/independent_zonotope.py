@@ -21,6 +21,7 @@ def check(e, cert, ranges, box0):
     V = [[lists(o, m) for o in q] for q in exact(z["V"])]
     columns, noises = z["order"] + len(Fs[0][0][0]), len(V[0][0][0])
     demand(z["order"] == cert["order"] >= n, "order")
+    demand(not z["B"] and "boxes" not in cert, "boxes in other coordinates, or under a dwell time, are not known here")
     # A row's computed sum is at most its limit, hence the exact one at most:
     rows = [(limit + (columns + 1) * tiny) / (1 - u) ** (columns + 1) for limit in e.limit]
     grow = (1 + u) ** (columns + 2) - 1

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..algebra import zonotope
 from ..algebra.bases import bases
+from ..algebra.dwell import patterns
 from ..algebra.error_set import ErrorRecursion
 from ..errors import CertificateError
 from .reduction import BoxCertificate, box_certificate, every_sample
@@ -53,34 +54,6 @@ class Reduction:
     def proved(self) -> bool:
         """Whether the set is bounded for every admissible sequence."""
         return self.certificate is not None
-
-
-def patterns(modes: int, dwell: int, steps: int) -> list[tuple[int, ...]]:
-    """List mode sequences that a dwell time admits: modes that stay, pairs and rounds at several paces, random ones.
-
-    Parameters
-    ----------
-    modes, dwell, steps : int
-
-    Returns
-    -------
-    paths : list of tuple of int
-    """
-    cycles = [[q] for q in range(modes)]
-    for pace in sorted({dwell, dwell + 1, 2 * dwell, 3 * dwell}):
-        for a in range(modes):
-            cycles += [[a] * dwell + [b] * pace for b in range(modes) if b != a]
-        cycles.append([q for q in range(modes) for _ in range(pace)])
-    paths = {tuple((cycle * (-(-steps // len(cycle))))[:steps]) for cycle in cycles}
-    rng = np.random.default_rng(0)
-    for _ in range(4 if modes > 1 else 0):
-        path: list[int] = []
-        while len(path) < steps:
-            q = int(rng.integers(modes - 1))
-            q += bool(path and q >= path[-1])  # another one than before
-            path += [q] * int(dwell + rng.integers(2 * dwell + 1))
-        paths.add(tuple(path[:steps]))
-    return sorted(paths)
 
 
 def choose(m: ErrorRecursion, order: int, dwell: int, H0: Array, most: int | None = None, limit: float = 3.0,

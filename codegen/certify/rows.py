@@ -26,32 +26,30 @@ SMALL = 1e-11
 
 @dataclass(frozen=True)
 class Generators:
-    """Generators in floats and exactly.
+    """Generators in floats.
 
     Parameters
     ----------
     near : ndarray (n, g)
         Each entry within a unit roundoff of the exact one.
-    exact : ndarray (n, g) of fmpq
     """
 
     near: Array
-    exact: Array
 
     @classmethod
     def of(cls, G: Array) -> Generators:
         """Take floats as exact."""
-        return cls(np.asarray(G, dtype=float), rational(G))
+        return cls(np.asarray(G, dtype=float))
 
     @classmethod
     def of_exact(cls, G: Array) -> Generators:
         """Round rationals to floats."""
-        return cls(np.array([[float(x) for x in row] for row in G]).reshape(G.shape), G)
+        return cls(np.array([[float(x) for x in row] for row in G]).reshape(G.shape))
 
     @classmethod
     def box(cls, T: Array, b: Array) -> Generators:
         """Take the columns of T, scaled by b."""
-        return cls(T * b, rational(T) * rational(b))
+        return cls(T * b)
 
 
 class Norm:
@@ -81,6 +79,7 @@ class Norm:
                                    "expected A S A' < mu^2 S.")
         self.S, self.size = S, np.abs(by.S)
         self.inverse = np.array(fmpq_mat([list(row) for row in S]).inv().tolist(), dtype=object)
+        self.near = np.array([[float(x) for x in row] for row in self.inverse])
 
     def rows(self, a: Array) -> Array:
         """Upper bounds of the norms of rows (..., n)."""
@@ -97,8 +96,10 @@ class Norm:
 
     def columns(self, G: Generators) -> float:
         """Upper bound of the sum of the norms of columns, g' S^-1 g."""
-        squares = ((self.inverse @ G.exact) * G.exact).sum(axis=0) if G.exact.size else []
-        return float(np.sum(np.sqrt([up(x) for x in squares]))) * WIDER + TINY
+        g, S = G.near, self.near
+        plain = np.maximum(np.einsum("ig,ij,jg->g", g, S, g), 0.0)
+        slip = (len(S) ** 2 + 8) * 2 * UNIT * np.einsum("ig,ij,jg->g", np.abs(g), np.abs(S), np.abs(g))
+        return float(np.sum(np.sqrt((plain + slip) * WIDER + TINY))) * WIDER + TINY
 
     def against(self, other: Norm) -> float:
         """Upper bound of this norm over another one: the root of tr(S_other^-1 S)."""

@@ -1,8 +1,8 @@
 """Tables of thresholds along a known schedule on the numbers of the C: rounding, proof from every start.
 
 The recursion is that of ``thresholds``. What the firmware looks up from the initial box on, and from any error at any
-phase on, is laid out along the samples as it will be and proved for ever (``schedule_bounds``); a mode that the schedule
-does not have has one row, which holds for any error.
+phase on, is laid out along the samples as it will be and proved for ever (``schedule_bounds``); a mode that is not in
+the schedule has one row, which holds for any error.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import CertificateError
 from .exact import product, rational, up
 from .schedule_bounds import prove_schedule
-from .thresholds import check_middle, claimed_rows, directions_of, emitted_rows, recursion, starts
+from .thresholds import check_middle, claimed_rows, directions_of, emitted_rows, recursion, starts, table_words
 
 Array = np.ndarray
 
@@ -51,8 +51,8 @@ def certificate(t, proof: dict) -> dict:
                                                        "lo": half.tolist()}}
 
 
-def check(modes, t, cert: dict) -> list[str]:
-    """Re-check the certificate of a table along a schedule; return what is proved, one sentence per claim.
+def proved(modes, t) -> dict[str, float]:
+    """Prove the rows from every start; return the least room of each.
 
     Raises
     ------
@@ -70,13 +70,13 @@ def check(modes, t, cert: dict) -> list[str]:
                                    "another.")
     directions = directions_of(t, z.directions.astype(float))
     first, anywhere = starts(t)
-    length, known = P * (-(-J // P) + 1), {}
+    length, known, out = P * (-(-J // P) + 1), {}, {}
 
     def prove(what: str, H0: Array, phase: int, rows: list[int]) -> None:
         claim = SimpleNamespace(directions=directions, h=h[rows], period=P)
         cycle = [*z.cycle[phase:], *z.cycle[:phase]]
         try:
-            prove_schedule(m, H0, (), cycle, claim, known)
+            out[what] = prove_schedule(m, H0, (), cycle, claim, known)
         except CertificateError as error:
             raise CertificateError(f"certificate: from {what}: {error}") from None
 
@@ -92,8 +92,22 @@ def check(modes, t, cert: dict) -> list[str]:
     for q in range(N):
         row_of = product(product(D, rational(m.C[q])), rational(anywhere))
         need = abs(row_of).sum(axis=1) + abs(product(D, rational(m.V[m.start, q]))).sum(axis=1)
-        if np.any([up(x) for x in need] > h[J + q]):
+        out[f"mode {q} out of turn"] = room = float(np.min(h[J + q] - np.array([up(x) for x in need])))
+        if room < 0:
             raise CertificateError(f"certificate: mode {q} out of turn: the thresholds of any error are too small.")
+    return out
+
+
+def check(modes, t, cert: dict) -> list[str]:
+    """Re-check the certificate of a table along a schedule; return what is proved, one sentence per claim.
+
+    Raises
+    ------
+    CertificateError
+        Naming start, sample and direction.
+    """
+    z, P = t.shape, len(t.shape.cycle)
+    proved(modes, t)
     check_middle(t)
     width = np.array(cert["steady_box"]["width"])
     if np.any(rational(width) < 2 * np.max(rational(z.hx[-P:]), axis=0)):
@@ -102,6 +116,6 @@ def check(modes, t, cert: dict) -> list[str]:
             f"for any switching, rounding included ({t.real}, with or without fused multiply-add); a mode that is not "
             f"that of the schedule of {P} samples makes the thresholds start anew",
             "x_lo <= x <= x_hi at every sample while no fault acts, for any switching",
-            "the thresholds are a table and the estimate stays in a box: nothing can grow",
-            f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], while the modes follow the "
-            "schedule"]
+            table_words(z),
+            f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], while the modes follow "
+            "the schedule"]

@@ -11,11 +11,13 @@ from ..errors import CertificateError
 from .exact import Q, down, eye, product, rational, up
 from .freeze import nearest
 from .rounding import UNIT
-from .sets import SetDemands, ZonotopeDemands
+from .sets import SetDemands, ZonotopeDemands, column
+from .settled import Boxes
 
 Array = np.ndarray
 #: Conditions "stored >= needed" of a zonotope's tables: name, and what it is.
-BOXES = (("e", "error_box", "the box of rounding beside the error set"), ("spread", "spread", "the bounds of x"),
+BOXES = (("inside", "inside", "the box of rounding in the coordinates of boxes"),
+         ("e", "error_box", "the box of rounding beside the error set"), ("spread", "spread", "the bounds of x"),
          ("rho", "residual_box", "the box of rounding beside the residual set"))
 
 
@@ -69,7 +71,8 @@ def _closed(mode, L: Array, N: Array, real: str) -> tuple[Array, Array]:
     return keep(M, size), product(T, rational(mode.B)) - product(L, rational(mode.D))
 
 
-def freeze_zonotope(shape_class, modes, estimate: dict, order: int, directions: Array):
+def freeze_zonotope(shape_class, modes, estimate: dict, order: int, directions: Array, pairs: bool = False,
+                    key: str = "squared", coordinates: Array | None = None):
     """Build the tables of a zonotope for an estimate.
 
     Parameters
@@ -83,6 +86,11 @@ def freeze_zonotope(shape_class, modes, estimate: dict, order: int, directions: 
         l, columns after a reduction.
     directions : ndarray (m, n_y)
         Of the membership test; read for more than two outputs.
+    pairs : bool
+        Membership by the normals of all pairs of generators.
+    key : {"squared", "girard"}
+    coordinates : ndarray (N, n_x, n_x) or None
+        T_q in which boxes are. None: those of x.
 
     Returns
     -------
@@ -92,18 +100,48 @@ def freeze_zonotope(shape_class, modes, estimate: dict, order: int, directions: 
     demands = SetDemands(modes, t)
     columns = {k: nearest(x, real) for k, x in demands.columns().items()}
     n_x, n_y = len(t.box), t.C.shape[1]
-    scale = 2.0 ** -np.round(2 * np.log2(np.maximum(t.limit.astype(float), 1e-30)))  # exact: no rounding in the keys
-    scale = scale / scale.max()
-    given = {"order": order, "weight": scale.astype(real), "directions": nearest(directions, real).reshape(-1, n_y),
-             "e": np.zeros(n_x, real), "spread": None, "rho": None, "slack": None, "floor": None, **columns}
+    turned = turn(t, coordinates)
+    power = 2 if key == "squared" else 1
+    scale = np.ones(n_x)  # other coordinates are made alike themselves
+    if coordinates is None:
+        scale = 2.0 ** -np.round(power * np.log2(np.maximum(t.limit.astype(float), 1e-30)))  # exact in the keys
+        scale = scale / scale.max()
+    given = {"order": order, "pairs": pairs, "key": key, **turned, "weight": scale.astype(real),
+             "directions": nearest(directions, real).reshape(-1, n_y), "e": np.zeros(n_x, real), "spread": None,
+             "rho": None, "slack": None, "floor": None, **columns}
     for _ in range(4):  # e enters its own rounding, by parts in a million
-        given["e"] = raised(ZonotopeDemands(demands, SimpleNamespace(**given, columns=order + columns["F"].shape[3]))
-                            .error_box(), real)
+        needed = ZonotopeDemands(demands, SimpleNamespace(**given, columns=order + columns["F"].shape[3]))
+        given |= {"e": raised(needed.error_box(), real), "inside": raised(needed.inside(), real).reshape(-1, n_x)}
     last = ZonotopeDemands(demands, SimpleNamespace(**given, columns=order + columns["F"].shape[3]))
     given |= {"spread": raised(last.spread(), real), "rho": raised(last.residual_box(), real),
               "slack": raised(np.array(last.slack(), dtype=object), real),
               "floor": raised(np.array(last.floor(), dtype=object), real)}
     return shape_class(**given)
+
+
+def turn(t, coordinates: Array | None) -> dict:
+    """Round coordinates of boxes, each scaled to sets of size about 1, and the ways back: B, S, Sb, inside.
+
+    Parameters
+    ----------
+    t : PointTables
+        Of the estimate, ``M``, ``A`` and ``limit`` are read.
+    coordinates : ndarray (N, n_x, n_x) or None
+
+    Returns
+    -------
+    dict
+    """
+    n = len(t.box)
+    none = np.zeros((0, n, n), t.real)
+    if coordinates is None:
+        return {"B": none, "S": none, "Sb": none, "inside": none[:, 0]}
+    back = np.linalg.inv(coordinates)
+    size = np.abs(back) @ t.limit.astype(float)
+    B = nearest(back * 2.0 ** -np.round(np.log2(size))[:, :, None], t.real)
+    T = np.linalg.inv(B.astype(float))
+    return {"B": B, "S": nearest(t.M.astype(float) @ T, t.real), "Sb": nearest(t.A.astype(float) @ T, t.real),
+            "inside": np.zeros((len(B), n), t.real)}
 
 
 def raised(needed: Array, real: str) -> Array:
@@ -112,7 +150,7 @@ def raised(needed: Array, real: str) -> Array:
     return np.array(flat, dtype=real).reshape(np.shape(needed))
 
 
-def prove_zonotope(modes, t, proof: dict) -> dict:
+def prove_zonotope(modes, t, proof: dict, dwell: int = 1) -> dict:
     """Make the certificate of the tables of a zonotope.
 
     Parameters
@@ -122,6 +160,8 @@ def prove_zonotope(modes, t, proof: dict) -> dict:
     t : PointTables
     proof : dict
         Of the gains; kept beside what is proved of the set.
+    dwell : int
+        Samples that every mode lasts at least.
 
     Returns
     -------
@@ -132,10 +172,15 @@ def prove_zonotope(modes, t, proof: dict) -> dict:
     ------
     CertificateError
     """
-    demands = SetDemands(modes, t)
-    half = steady_hull(t, ZonotopeDemands(demands, t.shape))
+    demands = ZonotopeDemands(SetDemands(modes, t), t.shape)
+    half, boxes = None if t.shape.oblique else steady_hull(t, demands), None
+    if half is None and (dwell > 1 or t.shape.oblique):
+        every = Boxes(t, demands, dwell)
+        boxes = every.found()
+        half = None if boxes is None or every.broken(boxes) else every.in_x(boxes)
     cert = {**proof, "set": "zonotope", "order": t.shape.order, "steady_box": None}
     if half is not None:
+        cert |= {"boxes": {"dwell": dwell, "half": boxes.tolist()}} if boxes is not None else {}
         width = 2 * (half + np.max(t.shape.spread.astype(float), axis=0)) * (1 + 1e-9)
         cert["steady_box"] = {"half": half.tolist(), "hi": (width / 2).tolist(), "lo": (width / 2).tolist(),
                               "width": width.tolist()}
@@ -172,6 +217,10 @@ def check_zonotope(modes, t, cert: dict) -> list[str]:
     if not len(t.box) <= t.shape.order == cert["order"]:
         raise CertificateError(f"certificate: order {t.shape.order} (found), expected {cert['order']}, at least the "
                                f"{len(t.box)} states.")
+    if t.shape.pairs:
+        _check_cubes(t, exact)
+    if t.shape.oblique and not len(t.shape.B) == len(t.shape.S) == len(t.shape.Sb) == len(t.A):
+        raise CertificateError("certificate: coordinates of boxes are not given for every mode.")
     for name, found in demands.columns().items():
         if found.shape != getattr(t.shape, name).shape:
             raise CertificateError(f"certificate: {name} has shape {getattr(t.shape, name).shape} (found), expected "
@@ -196,14 +245,38 @@ def check_zonotope(modes, t, cert: dict) -> list[str]:
               f"declared ranges; the estimate stays in a box; the order of the zonotope is {t.shape.order}"]
     if cert.get("steady_box"):
         half = np.array(cert["steady_box"]["half"])
-        bad = exact.steady(half)
+        bad, slow = (_bad_boxes(modes, t, exact, cert, half) if "boxes" in cert
+                     else (exact.steady(half), "for arbitrary switching"))
         width = np.array(cert["steady_box"]["width"])
         if bad or np.any(rational(width) < 2 * (rational(half) + np.max(rational(t.shape.spread), axis=0))):
             raise CertificateError("certificate: the hull of the error set leaves its box in "
                                    f"{bad or 'the bounds of x'}.")
-        claims.append(f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], for arbitrary "
-                      "switching")
+        claims.append(f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], {slow}")
     return claims
+
+
+def _bad_boxes(modes, t, exact: ZonotopeDemands, cert: dict, half: Array) -> tuple[str, str]:
+    """Where the boxes of a certificate do not hold, or nothing, and for which switching they do."""
+    every, stored = Boxes(t, exact, cert["boxes"]["dwell"]), np.array(cert["boxes"]["half"])
+    broken = every.broken(stored)
+    if broken is None and np.any(every.in_x(stored) > half):
+        broken = 0, int(np.argmax(every.in_x(stored) - half))
+    slow = ("for arbitrary switching" if every.dwell == 1
+            else f"while every mode lasts at least {every.dwell} samples")
+    return "" if broken is None else f'mode "{modes[broken[0]].name}", coordinate {broken[1]}', slow
+
+
+def _check_cubes(t, exact: ZonotopeDemands) -> None:
+    """Check that products of three residuals, and sums of them, cannot overflow: infinity would be a false alarm."""
+    if t.C.shape[1] != 3:
+        raise CertificateError(f"certificate: pairs of generators with {t.C.shape[1]} residuals (found), expected 3.")
+    most = max(Q(1), *(x for q, C in enumerate(exact.of.C) for x in
+                       product(abs(C), column(exact.reach)).ravel() + np.max(abs(rational(t.shape.V[q])).sum(axis=2),
+                                                                            axis=0) + rational(t.shape.rho[q])),
+               *(abs(Q(x)) for x in np.concatenate([t.y_lo, t.y_hi])))
+    if 64 * most**3 >= Q(np.finfo(t.real).max) / 2:
+        raise CertificateError("certificate: products of three residuals may overflow "
+                               f"(residuals up to {float(most):.3g}).")
 
 
 def _check_reach(t, share: float = 1.0) -> None:

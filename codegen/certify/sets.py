@@ -106,13 +106,27 @@ class SetDemands:
         moved = np.any((F != 0) | (Fb != 0), axis=(0, 1, 2))
         return {"F": F[..., moved], "Fb": Fb[..., moved], "V": V[..., np.any(V != 0, axis=(0, 1, 2))]}
 
+    def rounding(self, q: int, which: str) -> Array:
+        """What the C's own sums may be off by in the map "forward", "blind" or "residual" of mode q, row by row."""
+        t = self.t
+        if which != "residual":
+            demands = self.plain.update(q, "hi") if which == "forward" else self.plain.blind(q, "hi")
+            given = rational((t.d if which == "forward" else t.a)[q])
+            return np.array([d.rounding(g, t.real) for d, g in zip(demands, given)], dtype=object)
+        out = []
+        for d, g, most in zip(self.plain.output(q, "hi"), rational(t.c[q]), bounds(t.y_lo, t.y_hi)):
+            last = UNIT[t.real] * (most + d.magnitude(g, t.real)) + TINY[t.real]
+            out.append(d.rounding(g, t.real) + last)
+        return np.array(out, dtype=object)
+
     def rest(self, q: int, measured: bool) -> Array:
         """What a step of mode q adds to the error beside the columns: constants, inputs, rounding of the estimate."""
         t = self.t
         demands = self.plain.update(q, "hi") if measured else self.plain.blind(q, "hi")
         given = rational((t.d if measured else t.a)[q])
         off = abs(given - self.centres()["d" if measured else "a"][q])
-        out = np.array([d.need + d.rounding(g, t.real) for d, g in zip(demands, given)], dtype=object) + off
+        out = np.array([d.need for d in demands], dtype=object) + off
+        out = out + self.rounding(q, "forward" if measured else "blind")
         if measured:  # the centre of the next sample's noise, if its mode has another Dv
             shift = [abs(product(self.N[q], product(p["Dv"] - self.exact[q]["Dv"], column(self.v[q][0])))).ravel()
                      for p in self.exact]
@@ -121,13 +135,9 @@ class SetDemands:
 
     def residual_rest(self, q: int) -> Array:
         """The same of the residual, the rounding of its last subtraction included."""
-        t, given = self.t, rational(self.t.c[q])
-        off = abs(given - self.centres()["c"][q])
-        out = []
-        for d, g, o, most in zip(self.plain.output(q, "hi"), given, off, bounds(t.y_lo, t.y_hi)):
-            last = UNIT[t.real] * (most + d.magnitude(g, t.real)) + TINY[t.real]
-            out.append(d.need + d.rounding(g, t.real) + o + last)
-        return np.array(out, dtype=object)
+        off = abs(rational(self.t.c[q]) - self.centres()["c"][q])
+        need = np.array([d.need for d in self.plain.output(q, "hi")], dtype=object)
+        return need + off + self.rounding(q, "residual")
 
     def carried(self) -> Array:
         """Half width that the noise held by the estimate may have, (O, n_x): max over modes of |N_o Dv| v_half."""
@@ -168,9 +178,29 @@ class ZonotopeDemands:
         for q in range(len(self.of.modes)):
             for name, M, measured in (("F", self.of.M, True), ("Fb", self.of.A, False)):
                 off = abs(rational(getattr(self.z, name)[q]) - exact[name][q]).sum(axis=2)
-                here = self.of.rest(q, measured) + self.carry(M[q]) + np.max(off, axis=0)
+                here = self.of.rest(q, measured) + self.carry(M[q]) + np.max(off, axis=0) + self.turn(q, measured)
                 out = here if out is None else np.maximum(out, here)
-        return out + self.chain(self.reach)
+        return out + (0 if len(self.z.B) else self.chain(self.reach))
+
+    def turn(self, q: int, measured: bool) -> Array:
+        """What a box in other coordinates leaves out of a step: M - S B, and the rounding of S times the box."""
+        if not len(self.z.B):
+            return zeros(len(self.e), 1).ravel()
+        M, S, B = self.of.M if measured else self.of.A, self.z.S if measured else self.z.Sb, rational(self.z.B[q])
+        S = rational(S[q])
+        lack = product(abs(M[q] - product(S, B)), column(self.reach)).ravel()
+        box = product(abs(B), column(self.reach)).ravel() + rational(self.z.inside[q])
+        return lack + 2 * self.u * product(abs(S), column(box)).ravel() + len(self.e) * self.tiny
+
+    def inside(self) -> Array:
+        """Smallest admissible rounding in other coordinates, (N, n_x), or (0, n_x): e there, B g, and the sums."""
+        n, out = len(self.e), []
+        for B in self.z.B:
+            B = abs(rational(B))
+            size = product(B, column(self.reach)).ravel()
+            out.append(product(B, column(self.e)).ravel() + (n + 1) * self.u * size + 2 * n * self.count * self.tiny
+                       + self.chain(size * (1 + (n + 1) * self.u)))
+        return np.array(out, dtype=object).reshape(-1, n)
 
     def spread(self) -> Array:
         """Smallest admissible spread (O, n_x)."""

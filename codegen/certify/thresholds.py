@@ -210,7 +210,7 @@ def check(modes, t, cert: dict) -> list[str]:
     return ["the residual lies within its thresholds at every sample while no fault acts, so there is no false alarm, "
             f"for any switching, rounding included ({t.real}, with or without fused multiply-add){slow}",
             "x_lo <= x <= x_hi at every sample while no fault acts, for any switching",
-            "the thresholds are a table and the estimate stays in a box: nothing can grow",
+            table_words(z),
             f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], "
             + ("for arbitrary switching" if z.dwell == 1 else f"while every mode lasts at least {z.dwell} samples")]
 
@@ -228,6 +228,13 @@ def claimed_rows(t) -> Array:
         raise CertificateError("certificate: the first directions are not the coordinates of the residual.")
     room = margin(z.directions, z.h[..., :n_y], t.real)
     return np.concatenate([np.vectorize(lambda a, b: down(Q(a) - Q(b)))(z.h, room), z.hx.astype(float)], axis=-1)
+
+
+def table_words(z) -> str:
+    """Claim of a table, with what it takes of the flash."""
+    count = z.directions.size + z.h.size + z.hx.size
+    return (f"the thresholds are a table of {count} numbers ({count * z.h.itemsize} bytes of flash) and the estimate "
+            "stays in a box: nothing can grow")
 
 
 def check_middle(t) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .cprint import initialiser, literal
+from .cprint import initialiser
 from .families import Member, Word
 from .maps import Names, Table
 from .parts import Operations, Size
@@ -19,9 +19,10 @@ Array = np.ndarray
 class BlockView:
     """Sizes and tables of each function, statements where modes or origins differ.
 
-    ``block``, ``before`` and ``origin`` are expressions of the block's mode, of the origin of the estimate at its start
-    and of that at this sample; ``started`` and ``forget`` keep or clear them, ``ends`` is when a block does;
-    ``others`` has an entry where there are directions beside the outputs.
+    ``last`` finds the mode of the last sample where there are several; ``block``, ``before`` and ``origin`` are
+    expressions of the block's mode, of the origin of the estimate at its start and of that at this sample; ``started``
+    and ``forget`` keep or clear them, ``ends`` is when a block does; ``others`` has an entry where there are directions
+    beside the outputs.
     """
 
     numbers: int
@@ -29,6 +30,7 @@ class BlockView:
     block: str
     before: str
     origin: str
+    last: tuple[str, ...]
     begun: tuple[str, ...]
     started: tuple[str, ...]
     forget: tuple[str, ...]
@@ -44,7 +46,6 @@ class BlockView:
     reach: tuple[Table, ...]
     limit: tuple[Table, ...]
     by_table: tuple[Table, ...]
-    slack: str
     compares: int
 
 
@@ -83,11 +84,12 @@ def view(t, names: Names) -> BlockView:
         block=f"(s->block < {m}_MODES) ? s->block : 0U" if several else "0U",
         before=f"(s->before < {m}_ORIGINS) ? s->before : 0U" if tnl else "0U",
         origin=f"(s->origin < {m}_ORIGINS) ? s->origin : 0U" if tnl else "0U",
-        begun=("s->before = s->origin;",) * tnl, started=("s->block = s->mode;",) * several,
+        begun=("s->before = s->origin;",) * tnl, started=("s->block = p;",) * several,
         forget=("s->block = 0U;",) * several + (f"s->before = {m}_MODES;", f"s->origin = {m}_MODES;") * tnl,
         anew=(f"s->before = {m}_MODES;",) * tnl,
-        moved=("s->origin = (s->mode < " + f"{m}_MODES) ? s->mode : 0U;" if several else "s->origin = 0U;",) * tnl,
-        ends=(f"(s->mode != s->block) || (s->since >= {m}_LONGEST)" if several else f"s->since >= {m}_LONGEST"),
+        last=(f"const uint32_t p = (s->mode < {m}_MODES) ? s->mode : 0U;",) * several,
+        moved=("s->origin = p;" if several else "s->origin = 0U;",) * tnl,
+        ends=(f"(p != s->block) || (s->since >= {m}_LONGEST)" if several else f"s->since >= {m}_LONGEST"),
         start=vector("half", z.start), anywhere=vector("half", z.anywhere), weight=vector("weight", z.weight),
         rounding=vector("rounding", z.e), most=vector("most", z.most),
         powers=(table("power", z.powers, ("MODES", "LONGEST", "NX", "NX")),
@@ -95,7 +97,7 @@ def view(t, names: Names) -> BlockView:
         reach=(Table("factor", f"[{m}_MODES][{m}_LONGEST + 1U][{m}_REACHES][{m}_NX]", (), tuple(nested(z.rows))),
                Table("added", f"[{m}_ORIGINS][{m}_MODES][{m}_LONGEST + 1U][{m}_REACHES]", (), tuple(nested(z.scalars))),
                table("noise", z.noise, ("ORIGINS", "MODES", "REACHES"))),
-        limit=(limit_of(t, m), vector("wide", z.wide)), by_table=others_of(t, m), slack=literal(z.slack, real),
+        limit=(limit_of(t, m), vector("wide", z.wide)), by_table=others_of(t, m),
         compares=kept * columns - kept * (kept + 1) // 2)
 
 
@@ -106,7 +108,7 @@ def state(t, names: Names) -> tuple[list[Member], list[Word], int]:
     words += [("before", "", f"mode whose gain put noise into x_hat at the block's start; {m}_MODES: none is in"),
               ("origin", "", "the same of this sample")] * tnl
     words.append(("since", "", f"samples since the block's start, 0 to {t.shape.longest}"))
-    numbers = [(names.real_type, "generators", f"[{m}_NSHAPE]",
+    numbers = [(names.real_type, "shape", f"[{m}_NSHAPE]",
                 (f"of the set at the block's start, {m}_NX numbers each, one generator after the other",))]
     return numbers, words, t.shape.order * len(t.box)
 
@@ -117,8 +119,8 @@ def operations(t, views, n_u: int, n_y: int) -> Operations:
     residual, forward, blind = (np.array(v.operations) for v in views)
     multiply, add = (int(c) for c in residual + np.maximum(forward, blind))
     d, columns, kept, others = z.rows.shape[2], z.order + z.pushed.shape[4], z.order - n, len(z.directions) - n_y
-    multiply += d * n * z.order + n * n * z.order + 2 * n * columns + others * n_y + 1
+    multiply += d * n * z.order + n * n * z.order + 2 * n * columns + others * n_y
     add += d * (n * z.order + z.order + 1) + n * n * z.order + n * columns + n * (columns - kept) + n * z.order
-    add += others * (n_y + 1) + n_y + 2 * n
+    add += others * n_y + 2 * n
     compares = kept * columns - kept * (kept + 1) // 2 + n * (columns - kept) + d * z.order + n * z.order
     return Operations(multiply, add, compares + 2 * n_u + 4 * n_y + 7 * n + 2 * others)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..observers.box import turned_start
 from ..observers.point import centred
 from .cprint import initialiser
 from .families import Member, Word
@@ -28,7 +29,10 @@ class BoxStep:
 
 @dataclass(frozen=True)
 class BoxView:
-    """Sizes and tables; ``last`` and ``origin`` are expressions of the last mode and of the noise in the estimate."""
+    """Sizes and tables; ``last`` and ``origin`` are expressions of the last mode and of the noise in the estimate.
+
+    ``plain`` has an entry where b is of the states themselves, ``turned`` the sizes of the coordinates where not.
+    """
 
     numbers: int
     sizes: tuple[Size, ...]
@@ -41,6 +45,8 @@ class BoxView:
     spread: Table
     steps: tuple[BoxStep, ...]
     output: tuple[Table, ...]
+    plain: tuple[str, ...]
+    turned: tuple[Table, ...]
 
 
 def view(t, names: Names) -> BoxView:
@@ -60,6 +66,7 @@ def view(t, names: Names) -> BoxView:
             by_mode("size", P, f"[{m}_NX][{m}_NX]"), by_mode("added", g, f"{origins}[{m}_NX]")), after)
 
     half = [centred(getattr(t, f"{n}_lo"), getattr(t, f"{n}_hi"), t.dtype)[1] for n in ("x0", "x")]
+    half = [turned_start(z.Z, h[None])[0] if z.turned else h for h in half]
     return BoxView(
         numbers=len(t.box),
         sizes=(Size("NSHAPE", f"{m}_NX", "numbers of the error set"),
@@ -74,7 +81,10 @@ def view(t, names: Names) -> BoxView:
                     ("s->origin = p;",) * tnl),
                step("blind", "b = |A| b + g: after a step without measurement", z.Pb, z.gb,
                     (f"s->origin = {m}_MODES;",) * tnl)),
-        output=(by_mode("size", z.S, f"[{m}_NY][{m}_NX]"), by_mode("noise", z.rho, f"{origins}[{m}_NY]")))
+        output=(by_mode("size", z.S, f"[{m}_NY][{m}_NX]"), by_mode("noise", z.rho, f"{origins}[{m}_NY]")),
+        plain=("i",) * (not z.turned),
+        turned=(Table("size", f"[{m}_NX][{m}_NX]", (),
+                      tuple(f"{initialiser(v, real)}," for v in z.R)),) * z.turned)
 
 
 def state(t, names: Names) -> tuple[list[Member], list[Word], int]:
@@ -82,7 +92,8 @@ def state(t, names: Names) -> tuple[list[Member], list[Word], int]:
     m = names.macro
     words: list[Word] = [("origin", "", "mode whose gain put this sample's noise into x_hat; "
                                         f"{m}_MODES: no noise of it is in")] * (t.kind == "tnl")
-    return [(names.real_type, "shape", f"[{m}_NSHAPE]", ("half widths of the error set",))], words, len(t.box)
+    note = "half widths of the error set" + ", turned" * t.shape.turned
+    return [(names.real_type, "shape", f"[{m}_NSHAPE]", (note,))], words, len(t.box)
 
 
 def operations(t, views, n_u: int, n_y: int) -> Operations:
@@ -90,5 +101,5 @@ def operations(t, views, n_u: int, n_y: int) -> Operations:
     n = len(t.box)
     residual, forward, blind = (np.array(v.operations) for v in views)
     multiply, add = (int(c) for c in residual + np.maximum(forward, blind))
-    more = n * n + n_y * n
+    more = n * n * (1 + t.shape.turned) + n_y * n
     return Operations(multiply + more, add + more + 3 * n, 2 * n_u + 4 * n_y + 4 * n)

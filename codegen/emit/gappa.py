@@ -3,7 +3,8 @@
 ``certify`` finds the rounding of a sum by a formula of its own, moves the offset outward by it and forgets it.
 Here the margin is taken back from the finished tables: what of the offset is left once disturbance, noise and
 the rounding of constants and inputs have had their part. Gappa must prove, from the sums alone, that no
-rounding is larger.
+rounding is larger. Of a point observer, whose set holds all roundings together, the margin of a sum is what the set
+is given for it.
 """
 
 from __future__ import annotations
@@ -17,14 +18,21 @@ import numpy as np
 from ..certify.containment import Containment, offset
 from ..certify.exact import Q, down, up
 from ..certify.rounding import input_error
+from ..certify.sets import SetDemands
 from ..certify.variation import pace_rounding
-from . import families, gappa_sums
+from . import families, gappa_sums, point_parts
 from .gappa_sums import SIDES, Magnitude, Sum
 from .maps import MapSpec, Names
 from .varying import Varying
 from .view import DesignView
 
 FORMAT = {"float32": "ieee_32", "float64": "ieee_64"}
+ABOUT = ("operation rounded and once exact. What they may differ by is the margin: the part of the row's offset that",
+         "disturbance, noise and the rounding of constants and inputs leave over. All layouts calculate these sums: a")
+ABOUT_POINTS = ("operation rounded and once exact. What they may differ by is the margin: what the set of errors gets",
+                "for the rounding of this sum, in every step. All layouts calculate these sums: a")
+LAST = "Last in a residual the measurement is subtracted: that keeps the sign, which is what an alarm looks at."
+LAST_POINTS = "A comparison with a bound looks at the sign of a difference, which rounding keeps."
 
 
 @dataclass(frozen=True)
@@ -70,7 +78,8 @@ class Computed:
 class RoundingView:
     """Everything that ``rounding_<prefix>.g`` has and the observer's own view has not.
 
-    ``largest`` is the largest number of the type.
+    ``largest`` is the largest number of the type, ``about`` says what the margins are and ``last`` what the sign of a
+    difference is for.
     """
 
     format: str
@@ -78,6 +87,8 @@ class RoundingView:
     magnitudes: tuple[Computed, ...]
     rows: tuple[Row, ...]
     largest: str
+    about: tuple[str, ...]
+    last: str
 
 
 def rounding(design, d: DesignView) -> RoundingView:
@@ -96,6 +107,8 @@ def rounding(design, d: DesignView) -> RoundingView:
     """
     t = design.observer.tables[d.real]
     names = Names(d.prefix, d.macro, d.real, tuple(m.name for m in d.modes), tuple(m.macro for m in d.modes))
+    if d.sets:
+        return _of_points(design.plant.observed.modes, t, names, d)
     specs = (*families.specs(design.observer.family, t, names, d.x, d.y), *families.change_specs(t, names, d.x))
     exact = Containment(design.plant.observed.modes, t)
     margins, rows, magnitudes = _margins(exact), [], {}
@@ -109,7 +122,20 @@ def rounding(design, d: DesignView) -> RoundingView:
     operands = dict.fromkeys(operand for spec in specs for operand in gappa_sums.operands(spec, t))
     return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in operands), tuple(c for c, _ in computed),
                         (*rows, *(row for _, row in computed), *_parameters(d.prefix, t)),
-                        float(np.finfo(t.dtype).max).hex())
+                        float(np.finfo(t.dtype).max).hex(), ABOUT, LAST)
+
+
+def _of_points(modes, t, names: Names, d: DesignView) -> RoundingView:
+    """State the sums of an estimate and its residual; the margin of each is what the set is given for its rounding."""
+    specs, demands, rows = point_parts.maps(t, names, d.x, d.y), SetDemands(modes, t), []
+    for spec, which in zip(specs, ("residual", "forward", "blind")):
+        rounded = [demands.rounding(q, which) for q in range(len(names.modes))]
+        margins = {(spec.offset.name, q, ""): [down(x) for x in row] for q, row in enumerate(rounded)}
+        for i in range(len(spec.rows)):
+            rows += _rows(spec, "", i, [gappa_sums.row(spec, t, q, "", i) for q in range(len(names.modes))], margins)
+    operands = dict.fromkeys(operand for spec in specs for operand in gappa_sums.operands(spec, t))
+    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in operands), (), tuple(rows),
+                        float(np.finfo(t.dtype).max).hex(), ABOUT_POINTS, LAST_POINTS)
 
 
 def _margins(exact: Containment) -> dict[tuple[str, int, str], list[float]]:
@@ -129,8 +155,9 @@ def _rows(spec: MapSpec, side: str, i: int, sums: list[Sum], margins: dict) -> I
         groups.setdefault((found, float(margins[spec.offset.name, q, side][i])), []).append(q)
     for (found, margin), modes in groups.items():
         which = " and ".join(f'"{spec.names.modes[q]}"' for q in modes)
-        yield _row(f"{spec.name}_{side}_{i}_mode_{modes[0]}", f"{spec.rows[i]}, {side}, mode {which}", found.terms,
-                   margin, found.exact)
+        yield _row("_".join([spec.name, *([side] if side else []), f"{i}_mode_{modes[0]}"]),
+                   ", ".join([spec.rows[i], *([side] if side else []), f"mode {which}"]), found.terms, margin,
+                   found.exact)
 
 
 def _row(name: str, note: str, terms: tuple[str, ...], margin: float, exact: tuple[str, ...] | None = None) -> Row:

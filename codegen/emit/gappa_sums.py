@@ -40,7 +40,8 @@ class Sum:
 def row(spec: MapSpec | Varying, t, q: int, side: str, i: int) -> Sum:
     """Print the sum of one row without the measurement at its end; terms with coefficient zero change nothing."""
     if isinstance(spec, MapSpec):
-        terms = _join(_affine(spec, {}, t, q, side, i, None))
+        last = [variable(spec.plus, i)] if spec.plus else []
+        terms = _join([*_affine(spec, {}, t, q, side, i, None), *last])
         return Sum(terms, terms)
     flipped = None if spec.flipped is None else spec.flipped[q, i]
     affine = _affine(spec.spec, spec.slopes, t, q, side, i, flipped)
@@ -83,11 +84,11 @@ def _affine(spec: MapSpec, slopes: dict, t, q: int, side: str, i: int, flipped) 
             terms += term(part.name, values, j, variable(part.operand, j))
     offset = float(spec.offset.side(side)[q, i])
     terms += [offset.hex()] if offset else []
-    other, values = SIDES[1 - SIDES.index(side)], spec.state.side(side)
+    values = spec.state.side(side)
     for j, c in enumerate(values[q, i]):
         opposite = spec.by_sign and c < 0 if flipped is None else flipped[j]
-        bound = other if opposite else side
-        terms += term(spec.state.name, values, j, variable(f"{spec.state.operand}_{bound}", j))
+        bound = SIDES[1 - SIDES.index(side)] if opposite else side
+        terms += term(spec.state.name, values, j, variable(f"{spec.state.operand}{'_' * bool(bound)}{bound}", j))
     return terms
 
 
@@ -130,16 +131,16 @@ def operands(spec: MapSpec | Varying, t) -> Iterator[tuple[str, str, str]]:
     init and reset store.
     """
     plain = spec.spec if isinstance(spec, Varying) else spec
-    for part in plain.common:
-        vector = part.operand.split("->")[1]
+    for operand in (*(part.operand for part in plain.common), *([plain.plus] if plain.plus else [])):
+        vector = operand.split("->")[1]
         lo, hi = (getattr(t, f"{vector}_{side}").astype(float) for side in SIDES)
         for j, (a, b) in enumerate(zip(np.minimum(lo, 0.0), np.maximum(hi, 0.0))):
-            yield variable(part.operand, j), a.hex(), b.hex()
+            yield variable(operand, j), a.hex(), b.hex()
     box = t.box.astype(float)
     state = t.change.box.astype(float) if plain.state.operand == "s->z" else box
-    for side in SIDES:
+    for side in plain.sides:
         for j, b in enumerate(state):
-            yield variable(f"{plain.state.operand}_{side}", j), (-b).hex(), b.hex()
+            yield variable(f"{plain.state.operand}{'_' * bool(side)}{side}", j), (-b).hex(), b.hex()
     if isinstance(spec, Varying):
         yield from _operands_varying(spec, t, box)
 

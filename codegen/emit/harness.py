@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import set_ranges
 from .cprint import initialiser, literal
 from .view import DesignView
 
@@ -41,7 +42,8 @@ class HarnessView:
     """Everything that ``prove_<prefix>.c`` has and the observer's own view has not.
 
     ``least`` and ``most`` are initialisers of the state struct, one per member; ``numbers`` and ``words`` are
-    its elements by type.
+    its elements by type. ``given`` are numbers of an error set, which start between their ends but are not shown to
+    stay there (``set_ranges``); ``about`` are the lines of the comment that says what does.
     """
 
     interval: str
@@ -49,6 +51,8 @@ class HarnessView:
     most: tuple[str, ...]
     numbers: tuple[str, ...]
     words: tuple[str, ...]
+    given: tuple[str, ...]
+    about: tuple[str, ...]
     parted: tuple[Parted, ...]
     answers: tuple[str, ...]
     wide: tuple[Number, ...]
@@ -81,16 +85,23 @@ def harness(design, d: DesignView) -> HarnessView:
         numbers |= {"z_lo": (-t.change.box, t.change.box), "z_hi": (-t.change.box, t.change.box)}
     words = {"mode": len(d.modes), "phase": 2, "bucket": s.dwell_limit, "too_fast": 1, "run": max(s.recover, 1) - 1,
              "hold": s.hold, "history": 2 ** s.debounce[1] - 1, "latched": 2 ** len(d.bits) - 1, "spare": 0}
+    own = set_ranges.NONE
+    if d.sets:
+        numbers["x_hat"] = (-t.box, t.box)
+        own = set_ranges.of(design.observer.family, t, {f.name: f.type for f in d.state_fields
+                                                        if f.name not in numbers and f.name not in words})
+        numbers, words = numbers | own.numbers, words | own.words
     bits = len(d.bits)
     least = tuple(initialiser(numbers[f.name][0], d.real) if f.name in numbers else _words(0, f.size, bits)
                   for f in d.state_fields)
     most = tuple(initialiser(numbers[f.name][1], d.real) if f.name in numbers else _words(words[f.name], f.size, bits)
                  for f in d.state_fields)
-    apart = [f.name for f in d.state_fields if f.name in ("mode", "phase")]
+    apart = [f.name for f in d.state_fields if f.name in ("mode", "phase") and not (d.sets and f.name == "mode")]
     return HarnessView(
         interval=INTERVAL[d.real], least=least, most=most,
-        numbers=_places(d, [f for f in d.state_fields if f.name in numbers]),
+        numbers=_places(d, [f for f in d.state_fields if f.name in numbers and f.name not in own.numbers]),
         words=_places(d, [f for f in d.state_fields if f.name in words]),
+        given=_places(d, [f for f in d.state_fields if f.name in own.numbers]), about=own.about,
         parted=tuple(Parted(name, f"{words[name] + 1}U") for name in apart), answers=_places(d, d.out_fields),
         wide=tuple(n for v, lo, hi in vectors for n in _numbers(v, -_reach(lo, hi), _reach(lo, hi), d.real)),
         good=tuple(n for v, lo, hi in _accepted(vectors, t) for n in _numbers(v, lo, hi, d.real)),
@@ -116,6 +127,7 @@ def _places(d: DesignView, fields) -> tuple[str, ...]:
     """List every element of some members of a struct."""
     counts = {f"[{d.macro}_{name}]": len(of) for name, of in (("NX", d.x), ("NU", d.u), ("NY", d.y),
                                                          ("NTHETA", d.theta), ("BITS", d.bits))}
+    counts |= {f"[{d.macro}_NSHAPE]": z.numbers for z in d.sets}
     return tuple(place for f in fields for place in
                  ([f"{f.name}[{i}]" for i in range(counts[f.size])] if f.size else [f.name]))
 

@@ -7,7 +7,6 @@ import json
 import os
 import shutil
 import tempfile
-from dataclasses import asdict
 from pathlib import Path
 
 from .. import __version__
@@ -60,8 +59,8 @@ def files(design, real: str | None = None, layout: str | None = None, measure: b
 
 
 def _proofs(design, d: DesignView) -> dict[str, str]:
-    """Print what Frama-C and Gappa read; nothing for point observers, whose error sets neither can follow."""
-    if d.sets:
+    """Print what Frama-C and Gappa read; nothing yet for fault estimation filters."""
+    if d.family == "filter":
         return {}
     return {f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d)),
             f"rounding_{d.prefix}.g": render("harness/rounding.g.jinja", d=d, g=rounding(design, d))}
@@ -77,6 +76,8 @@ def resources(d: DesignView, design) -> dict:
               for name in ("x_lo", "x_hi", "x0_lo", "x0_hi", "u_lo", "u_hi", "y_lo", "y_hi")}
     if t.change is not None:
         ranges |= {name: getattr(t.change, name).astype(float).tolist() for name in ("z_lo", "z_hi")}
+    if getattr(getattr(t, "shape", None), "turned", False):
+        ranges["box_start"] = t.shape.Z.astype(float).tolist()
     theta = {} if not d.theta else {name: getattr(t.vary, name).astype(float).tolist()
                                     for name in ("theta_lo", "theta_hi")}
     return {"generator": f"residua {d.version}", "prefix": d.prefix, "macro": d.macro, "real": d.real,
@@ -86,7 +87,7 @@ def resources(d: DesignView, design) -> dict:
             **{name: _members(d, fields) for name, fields in
                (("in", d.in_fields), ("out", d.out_fields), ("state", d.state_fields))},
             "state_bytes": d.state_bytes,
-            "operations_per_step": asdict(d.operations), "supervision": s.to_dict(), "ranges": ranges | theta,
+            "operations_per_step": d.operations.counts(), "supervision": s.to_dict(), "ranges": ranges | theta,
             **({} if t.change is None else {"change": t.change.to_dict()})}
 
 

@@ -68,6 +68,11 @@ class Operations:
     multiply: int
     add: int
     compare: int
+    divide: int = 0
+
+    def counts(self) -> dict[str, int]:
+        """By name, divisions where there are any."""
+        return {name: count for name, count in vars(self).items() if count or name != "divide"}
 
 
 @dataclass(frozen=True)

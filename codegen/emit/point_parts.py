@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..observers.point import centred
-from . import block_parts, box_parts, ellipsoid_parts, schedule_parts, threshold_parts
+from ..observers.zonotope import set_work
+from . import block_parts, box_parts, ellipsoid_parts, ellipsoid_trace_parts, schedule_parts, threshold_parts
 from .cprint import initialiser, literal, macro_names
 from .families import Member, Word, mode_word, state_layout
 from .layouts import lay_out
@@ -21,11 +22,12 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Steps:
-    """A function that moves the set by a step: its name, heading, matrix, tables, origin of the estimate after it."""
+    """A function that moves the set by a step: its name, heading, matrices, tables, origin of the estimate after it."""
 
     name: str
     equation: tuple[str, ...]
     matrix: str
+    turn: tuple[str, ...]
     tables: tuple[Table, ...]
     after: tuple[str, ...]
 
@@ -36,8 +38,11 @@ class SetView:
 
     ``numbers`` is the length of the state's ``shape``; ``last`` and ``origin`` are expressions of the last mode and of
     the index of the noise that the estimate holds; ``start`` and ``whole`` hold the half widths of the initial box and
-    of the ranges; ``by_normals`` and ``by_table`` are the directions of the membership test, one of the two or neither,
-    ``together`` the bit that it sets.
+    of the ranges; ``by_normals``, ``by_pairs`` and ``by_table`` are the directions of the membership test, one or none,
+    ``room`` how many residual vectors it needs (generators, for pairs unit vectors too),
+    ``together`` the bit that it sets. ``plain`` where columns are compared by squares in the coordinates of x, else
+    ``columns``; ``turned`` where boxes are in other coordinates, else ``copied``; ``squared`` or ``girard`` by what
+    columns are compared; ``back`` the matrix that takes a box on.
     """
 
     numbers: int
@@ -49,12 +54,21 @@ class SetView:
     whole: Table
     limit: Table
     weight: Table
-    rounding: Table
+    rounding: tuple[Table, ...]
+    plain: tuple[str, ...]
+    turned: tuple[str, ...]
+    copied: tuple[str, ...]
+    columns: tuple[str, ...]
+    squared: tuple[str, ...]
+    girard: tuple[str, ...]
+    back: str
     spread: Table
     steps: tuple[Steps, ...]
     output: tuple[Table, ...]
     noises: tuple[str, ...]
+    room: str
     by_normals: tuple[str, ...]
+    by_pairs: tuple[str, ...]
     by_table: tuple[Table, ...]
     together: tuple[str, ...]
     slack: str
@@ -67,7 +81,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
 
     Parameters
     ----------
-    family : {"zonotope", "thresholds", "schedule", "blocks", "ellipsoid", "box"}
+    family : {"zonotope", "thresholds", "schedule", "blocks", "ellipsoid", "box", "ellipsoid_trace"}
     t : PointTables
     s : Supervision
     names : Names
@@ -186,6 +200,7 @@ def zonotope(t, names: Names) -> SetView:
              Size("COLUMNS", f"({m}_ORDER + {m}_ADDED)", "generators of the error set"),
              Size("NOISES", f"{noises}U", "generators of noise in the residual"),
              Size("TERMS", f"({m}_COLUMNS + {m}_NOISES)", "generators of the residual's set"),
+             *[Size("EDGES", f"({m}_TERMS + {m}_NY)", "generators of the residual's set and unit vectors")] * z.pairs,
              Size("ORIGINS", f"{t.origins}U", "noise in the estimate: that of each mode's gain, or none"
                   if t.kind == "tnl" else "the estimate never holds noise of its own sample"),
              Size("NSHAPE", f"({m}_NX * {m}_COLUMNS)", "numbers of the error set")]
@@ -200,20 +215,29 @@ def zonotope(t, names: Names) -> SetView:
     def columns(values):
         return values.swapaxes(2, 3).reshape(*values.shape[:2], -1)  # one generator after the other
 
+    def turn(S):
+        if not z.oblique:
+            return ()
+        return (by_mode("basis", z.B, f"[{m}_NX][{m}_NX]"), by_mode("back", S, f"[{m}_NX][{m}_NX]"),
+                by_mode("rounding", z.inside, f"[{m}_NX]"))
+
+    plain = z.key == "squared" and not z.oblique
     steps = tuple(Steps(f"{names.prefix}_set_{name}", equation, matrix,
-                        (by_mode(matrix, M, f"[{m}_NX][{m}_NX]"),
+                        ("basis[p], back[p], rounding[p], ",) * z.oblique,
+                        (by_mode(matrix, M, f"[{m}_NX][{m}_NX]"), *turn(S),
                          by_mode("added", columns(F), f"{origins}[{m}_NX * {m}_ADDED]")), after)
-                  for name, matrix, M, F, equation, after in (
-                      ("forward", "M", t.M, z.F, ("The set after a measured step: M times the reduced set, and what "
-                                                  "disturbance and noise add.",),
+                  for name, matrix, M, S, F, equation, after in (
+                      ("forward", "M", t.M, z.S, z.F,
+                       ("The set after a measured step: M times the reduced set, and what disturbance and noise add.",),
                        ("s->origin = p;",) * (t.kind == "tnl")),
-                      ("blind", "A", t.A, z.Fb, ("The set after a step without measurement.",),
+                      ("blind", "A", t.A, z.Sb, z.Fb, ("The set after a step without measurement.",),
                        (f"s->origin = {m}_MODES;",) * (t.kind == "tnl"))))
     output = [by_mode("C", t.C, f"[{m}_NY][{m}_NX]"), by_mode("rho", z.rho, f"[{m}_NY]")]
     if noises:
         output.append(by_mode("noise", columns(z.V), f"{origins}[{m}_NY * {m}_NOISES]"))
+    by_table = n_y > 2 and len(z.directions) > 0 and not z.pairs
     directions = (Table("direction", f"[{len(z.directions)}U][{m}_NY]", (),
-                        tuple(f"{initialiser(d, real)}," for d in z.directions)),) * (n_y > 2 and len(z.directions) > 0)
+                        tuple(f"{initialiser(d, real)}," for d in z.directions)),) * by_table
     half = [centred(getattr(t, f"{name}_lo"), getattr(t, f"{name}_hi"), t.dtype)[1] for name in ("x0", "x")]
     kept = z.order - n_x
     return SetView(
@@ -222,11 +246,16 @@ def zonotope(t, names: Names) -> SetView:
         origin=f"(s->origin < {m}_ORIGINS) ? s->origin : 0U" if t.kind == "tnl" else "0U",
         forget=(f"s->origin = {m}_MODES;",) * (t.kind == "tnl"), start=vector("half", half[0], "NX"),
         whole=vector("half", half[1], "NX"), limit=vector("limit", t.limit, "NX"),
-        weight=vector("weight", z.weight, "NX"), rounding=vector("rounding", z.e, "NX"),
+        weight=vector("weight", z.weight, "NX"),
+        rounding=(vector("rounding", z.e, "NX"),) * (not z.oblique), plain=("",) * plain, turned=("",) * z.oblique,
+        copied=("",) * (not z.oblique), columns=("",) * (not plain), squared=("",) * (z.key == "squared"),
+        girard=("",) * (z.key == "girard"),
+        back="back" if z.oblique else "matrix",
         spread=Table("spread", f"{origins}[{m}_NX]", (), tuple(f"{initialiser(v, real)}," for v in z.spread)),
         steps=steps, output=tuple(output), noises=(f"{m}_NOISES",) * bool(noises),
-        by_normals=(f"{m}_TERMS",) * (n_y == 2), by_table=directions,
-        together=(f"{m}_BIT_TOGETHER",) * (n_y == 2 or bool(directions)), slack=literal(z.slack, real),
+        room=f"{m}_EDGES" if z.pairs else f"{m}_TERMS", by_normals=(f"{m}_TERMS",) * (n_y == 2),
+        by_pairs=(literal(1.0, real),) * z.pairs, by_table=directions,
+        together=(f"{m}_BIT_TOGETHER",) * (n_y == 2 or z.pairs or bool(directions)), slack=literal(z.slack, real),
         floor=literal(z.floor, real), compares=kept * z.columns - kept * (kept + 1) // 2)
 
 
@@ -235,16 +264,8 @@ def operations(t, views, n_u: int, n_y: int) -> Operations:
     z, n = t.shape, len(t.box)
     residual, forward, blind = (np.array(v.operations) for v in views)
     multiply, add = (int(c) for c in residual + np.maximum(forward, blind))
-    columns, kept, terms = z.columns, z.order - n, z.columns + z.V.shape[3]
-    multiply += 2 * n * columns + n * n * (kept + 1) + n_y * n * columns + n_y
-    add += n * columns + n * (columns - kept) + n * (n - 1) * kept + n_y * (n - 1) * columns + n * columns
-    add += n_y * (terms + 1) + 2 * n
-    compares = kept * columns - kept * (kept + 1) // 2 + 2 * n_u + 2 * n_y + 3 * n + n_y + n * columns + n_y * terms
-    rows = terms if n_y == 2 else len(z.directions) if n_y > 2 else 0
-    multiply += rows * (n_y * terms + 2 * n_y) + n_y * bool(rows)
-    add += rows * (n_y * terms + 2 * n_y) + n_y * bool(rows)
-    compares += rows * (terms + n_y + 2)
-    return Operations(multiply, add, compares)
+    own = set_work(n, n_y, z.order, z.F.shape[3], z.V.shape[3], len(z.directions), z.pairs, z.oblique)
+    return Operations(multiply + own.multiply, add + own.add + 2 * n, own.compare + 2 * n_u + 3 * n_y + 3 * n)
 
 
 #: Families whose set is a table, at least in part: what it says depends on the mode now.
@@ -255,4 +276,6 @@ FAMILY = {"zonotope": (state_of, operations, zonotope),
           "schedule": (schedule_parts.state, threshold_parts.operations, schedule_parts.view),
           "blocks": (block_parts.state, block_parts.operations, block_parts.view),
           "ellipsoid": (ellipsoid_parts.state, ellipsoid_parts.operations, ellipsoid_parts.view),
-          "box": (box_parts.state, box_parts.operations, box_parts.view)}
+          "box": (box_parts.state, box_parts.operations, box_parts.view),
+          "ellipsoid_trace": (ellipsoid_trace_parts.state, ellipsoid_trace_parts.operations,
+                              ellipsoid_trace_parts.view)}

@@ -20,7 +20,9 @@ class ThresholdView:
 
     ``short`` is the dwell time where it is more than a sample, and the entry of ``switches`` what follows on it.
 
-    ``place`` are the statements that find the row of the tables, ``row`` its indices; ``reads`` is the second parameter of the function that counts, where it needs one.
+    ``place`` are the statements that find the row of the tables, ``row`` its indices.
+
+    ``reads`` is the second parameter of the function that counts, where it needs one.
     """
 
     numbers: int

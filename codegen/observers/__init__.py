@@ -4,6 +4,7 @@ from .blocks import BlockObserver, BlockTables
 from .box import BoxObserver, BoxTables
 from .coordinates import Coordinates
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
+from .ellipsoid_trace import EllipsoidTraceObserver, TraceTables
 from .filter import FilterObserver, FilterTables
 from .framer import FramerTables, Variation
 from .interval import IntervalObserver
@@ -18,10 +19,11 @@ from .zonotope import ZonotopeObserver, ZonotopeTables
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
-            "ellipsoid": EllipsoidObserver, "box": BoxObserver, "filter": FilterObserver}
+            "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
+            "filter": FilterObserver}
 
 __all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
-           "EllipsoidTables", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables", "IntervalObserver",
-           "PointObserver", "PointTables", "PointTrace", "Runner", "ScheduleObserver", "ScheduleTables", "Supervision",
-           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "Variation", "ZonotopeObserver",
-           "ZonotopeTables"]
+           "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables",
+           "IntervalObserver", "PointObserver", "PointTables", "PointTrace", "Runner", "ScheduleObserver",
+           "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables",
+           "Variation", "ZonotopeObserver", "ZonotopeTables"]

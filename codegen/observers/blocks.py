@@ -54,8 +54,6 @@ class BlockTables:
         Row sums of |H| beyond which the set starts anew.
     wide : ndarray (n_x,)
         Half widths of the bounds of x beyond which it does.
-    slack : ndarray ()
-        Rounding of d' r, relative to the sum of the bounds of r.
     """
 
     order: int
@@ -71,7 +69,10 @@ class BlockTables:
     anywhere: Array
     most: Array
     wide: Array
-    slack: Array
+
+    #: As a zonotope's: what columns are compared by, and that boxes are in the coordinates of x.
+    key = "squared"
+    oblique = False
 
     @property
     def longest(self) -> int:
@@ -103,6 +104,11 @@ class BlockObserver(ThresholdObserver):
 
     family = "blocks"
     shape_class = BlockTables
+
+    @classmethod
+    def initial(cls, x0_lo, x0_hi, shape: tuple[int, int], record: dict, dtype) -> list[Array | None]:
+        """Nothing, of estimate and set: see ``start``."""
+        return super().initial(x0_lo, x0_hi, shape, record, dtype) * 2
 
     def whole(self, t: PointTables, half: Array, first: bool = False) -> Array:
         """The initial box, or every error that is possible."""
@@ -159,8 +165,4 @@ class BlockObserver(ThresholdObserver):
 
     def judged(self, t: PointTables, q: Array, origin: Array, at: Array, r: Array) -> tuple[Array, Array]:
         """Bounds of each residual, and what is outside."""
-        z, h = t.shape, self.reach(t, q, origin, at)
-        room = h[:, 0]
-        for i in range(1, r.shape[1]):
-            room = room + h[:, i]
-        return outside(z.directions, h, r, z.slack * room)
+        return outside(t.shape.directions, self.reach(t, q, origin, at), r)

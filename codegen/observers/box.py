@@ -10,7 +10,8 @@ At sample k, from estimate, half widths b, input, output and mode p of sample k-
 Source: the interval evaluation that Zammali (2020), 6.3.5, compares its sets with: a zonotope reduced to its hull at
 every step. g and rho depend on the gain that produced the estimate, so that both copies of a sample's noise partly
 cancel (see ``point``). All terms are positive: what rounding can take is a share of P, g, S and rho, and no term rests
-on how large b is.
+on how large b is. Where the sizes of M grow although its powers do not, the box is one of T^-1 (x - x_hat), with M, C
+and the noise turned accordingly and bounds of x from ``R b``, R >= |T|.
 """
 
 from __future__ import annotations
@@ -41,6 +42,10 @@ class BoxTables:
         What noise adds to the residual.
     spread : ndarray (O, n_x)
         What the bounds of x have beyond b.
+    T : ndarray (n_x, n_x)
+        Coordinates, the identity where none are needed; not in the C.
+    R, Z : ndarray (n_x, n_x)
+        Sizes of T and of its inverse, rounded up.
     """
 
     P: Array
@@ -50,6 +55,19 @@ class BoxTables:
     S: Array
     rho: Array
     spread: Array
+    T: Array
+    R: Array
+    Z: Array
+
+    @property
+    def turned(self) -> bool:
+        """Whether there are coordinates other than the states themselves."""
+        return not np.array_equal(self.T, np.eye(len(self.T)))
+
+    @property
+    def unprinted(self) -> set[str]:
+        """Fields that the C does not hold."""
+        return {"T", "Z"} if self.turned else {"T", "Z", "R"}
 
     def to_dict(self) -> dict:
         """Return plain lists and numbers for design.json."""
@@ -73,15 +91,19 @@ class BoxObserver(PointObserver):
         if x0_lo is None and x0_hi is None:
             return [None, None]
         ends = [record["ranges"][f"x0_{side}"] if x0 is None else x0 for side, x0 in (("lo", x0_lo), ("hi", x0_hi))]
-        return [np.ascontiguousarray(np.broadcast_to(a, shape)) for a in centred(*ends, dtype)]
+        centre, half = (np.ascontiguousarray(np.broadcast_to(a, shape)) for a in centred(*ends, dtype))
+        if "box_start" in record["ranges"]:
+            half = turned_start(np.array(record["ranges"]["box_start"]).astype(dtype), half)
+        return [centre, half]
 
     def bits(self, n_y: int) -> int:
         """Alarm bits: one per output, the box says nothing about several together."""
         return n_y
 
     def whole(self, t: PointTables, half: Array, first: bool = False) -> Array:
-        """The half widths themselves."""
-        return np.array(half, dtype=t.dtype)
+        """The half widths themselves, or of a box in the coordinates that holds theirs."""
+        half = np.array(half, dtype=t.dtype)
+        return turned_start(t.shape.Z, half) if t.shape.turned else half
 
     def moved(self, t: PointTables, p: Array, q: Array, origin: Array, b: Array, measured: bool) -> Array:
         """The set one step of the modes p later."""
@@ -91,7 +113,8 @@ class BoxObserver(PointObserver):
 
     def radius(self, t: PointTables, q: Array, origin: Array, b: Array) -> Array:
         """Half widths of the bounds of x."""
-        return t.shape.spread[origin] + b
+        z = t.shape
+        return add_terms(z.spread[origin], z.R[None], b) if z.turned else z.spread[origin] + b
 
     def fits(self, t: PointTables, x: Array, radius: Array) -> Array:
         """Whether the set is within its limits, and no half width below zero (an upset of the memory), per run."""
@@ -101,3 +124,8 @@ class BoxObserver(PointObserver):
         """Bounds of each residual, and which one is outside."""
         bound = add_terms(t.shape.rho[q, origin], t.shape.S[q], b)
         return bound, ~(np.abs(r) <= bound)
+
+
+def turned_start(Z: Array, half: Array) -> Array:
+    """Half widths in the coordinates, (S, n_x), of a box with these in x."""
+    return add_terms(np.zeros_like(half), Z[None], half)

@@ -161,24 +161,38 @@ class EllipsoidObserver(PointObserver):
         i = np.arange(n_y)
         bound = root(R[:, i, i], z.ay, z.by)
         raw = ~(np.abs(r) <= bound)
-        if n_y == 1:
-            return bound, raw
-        if n_y == 2:
-            both = R[:, 0, 0] * R[:, 1, 1]
-            most = (both - R[:, 1, 0] * R[:, 1, 0]) + z.slack * both + z.floor * (R[:, 0, 0] + R[:, 1, 1]) + z.floor
-            cross = (r[:, 0] * r[:, 1]) * R[:, 1, 0]
-            value = (r[:, 0] * r[:, 0]) * R[:, 1, 1] - cross - cross + (r[:, 1] * r[:, 1]) * R[:, 0, 0]
-            return bound, np.concatenate([raw, ~(value <= most)[:, None]], axis=1)
-        outside = np.zeros(len(r), dtype=bool)
-        for d in z.directions:
-            value, most, size = d[0] * r[:, 0], np.zeros(len(r), t.dtype), np.zeros(len(r), t.dtype)
-            for j in range(1, n_y):
-                value = value + d[j] * r[:, j]
-            for j in range(n_y):
-                size = size + np.abs(d[j]) * bound[:, j]
-                row = d[0] * R[:, j, 0]
-                for h in range(1, n_y):
-                    row = row + d[h] * R[:, j, h]
-                most = most + d[j] * row
-            outside |= ~(value * value <= most + z.slack * (size * size) + z.floor)
-        return bound, np.concatenate([raw, outside[:, None]], axis=1)
+        return bound, raw if n_y == 1 else np.concatenate([raw, ~within(z, R, bound, r)[:, None]], axis=1)
+
+
+def within(z, R: Array, bound: Array, r: Array) -> Array:
+    """Whether several residuals are in the ellipsoid together, as far as the test can tell; never for NaN.
+
+    Parameters
+    ----------
+    z : EllipsoidTables
+        ``slack``, ``floor`` and ``directions`` are read.
+    R : ndarray (S, n_y, n_y), bound : ndarray (S, n_y), r : ndarray (S, n_y)
+
+    Returns
+    -------
+    inside : ndarray (S,) bool
+    """
+    n_y = r.shape[1]
+    if n_y == 2:
+        both = R[:, 0, 0] * R[:, 1, 1]
+        most = (both - R[:, 1, 0] * R[:, 1, 0]) + z.slack * both + z.floor * (R[:, 0, 0] + R[:, 1, 1]) + z.floor
+        cross = (r[:, 0] * r[:, 1]) * R[:, 1, 0]
+        return (r[:, 0] * r[:, 0]) * R[:, 1, 1] - cross - cross + (r[:, 1] * r[:, 1]) * R[:, 0, 0] <= most
+    inside = np.ones(len(r), dtype=bool)
+    for d in z.directions:
+        value, most, size = d[0] * r[:, 0], np.zeros(len(r), R.dtype), np.zeros(len(r), R.dtype)
+        for j in range(1, n_y):
+            value = value + d[j] * r[:, j]
+        for j in range(n_y):
+            size = size + np.abs(d[j]) * bound[:, j]
+            row = d[0] * R[:, j, 0]
+            for h in range(1, n_y):
+                row = row + d[h] * R[:, j, h]
+            most = most + d[j] * row
+        inside &= value * value <= most + z.slack * (size * size) + z.floor
+    return inside

@@ -117,7 +117,7 @@ class ThresholdObserver(PointObserver):
         return outside(t.shape.directions, t.shape.h[self._row(t, q, at)], r)
 
 
-def outside(directions: Array, h: Array, r: Array, room: Array | float = 0.0) -> tuple[Array, Array]:
+def outside(directions: Array, h: Array, r: Array) -> tuple[Array, Array]:
     """Compare residuals with bounds of |d' r| in directions of which the first are the coordinates.
 
     Parameters
@@ -125,8 +125,6 @@ def outside(directions: Array, h: Array, r: Array, room: Array | float = 0.0) ->
     directions : ndarray (m, n_y)
     h : ndarray (S, m)
     r : ndarray (S, n_y)
-    room : ndarray (S,), optional
-        Added to the bounds of those that are no coordinates.
 
     Returns
     -------
@@ -144,7 +142,7 @@ def outside(directions: Array, h: Array, r: Array, room: Array | float = 0.0) ->
         value = directions[i, 0] * r[:, 0]
         for j in range(1, n_y):
             value = value + directions[i, j] * r[:, j]
-        others |= ~(np.abs(value) <= h[:, i] + room)
+        others |= ~(np.abs(value) <= h[:, i])
     return h[:, :n_y], np.concatenate([raw, others[:, None]], axis=1)
 
 

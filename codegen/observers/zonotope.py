@@ -3,6 +3,7 @@
 At sample k, from estimate, generators H, input, output and mode p of sample k-1::
 
     1  keep the l - n_x largest columns of H, box the others                 exactly l columns
+       (in coordinates z = B_p x of the mode, where a box in those of x could grow: M_p g = S_p B_p g)
     2  H = [M_p H, F_p]                                                      F: disturbance and noise of the step
     3  x_hat = M_p x_hat- + G_p u- + L_p y- + N_p y + d_p,  r = y - C x_hat - D u - c
     4  alarm where r is not in {[C H, V] z, |z_i| <= 1} + box(rho)
@@ -11,7 +12,9 @@ At sample k, from estimate, generators H, input, output and mode p of sample k-1
 Source: Zammali (2020), 6.2.3, Algorithms 1 and 2, as corrected in ``synthesis``. No measurement enters H. Columns are
 selected by repeated maximum with a swap, by a strict > from the lowest index on: the number of compares does not
 depend on data. Membership needs no linear program: |r| <= bound for one output; for two, the normals of all
-generators; for more, the coordinates and directions chosen offline, which never alarm falsely.
+generators; for three, where that many multiplications are accepted, the normals of all pairs of generators, with unit
+vectors among them (a flat set would else be taken for the strip around it); else the coordinates and directions chosen
+offline, which never alarm falsely.
 """
 
 from __future__ import annotations
@@ -33,8 +36,15 @@ class ZonotopeTables:
     ----------
     order : int
         l >= n_x, columns after a reduction; the C holds l + c.
+    key : {"squared", "girard"}
+        What columns are compared by: sum of squares, or |z|_1 - |z|_inf.
     weight : ndarray (n_x,)
-        Of the squares in a column's key: powers of two that make states of different units alike.
+        Of the squares (sizes) in a column's key: powers of two that make states of different units alike.
+    B, S, Sb : ndarray (N, n_x, n_x) or (0, n_x, n_x)
+        Coordinates of boxes, and what takes a box back to x one step later, measured or not: M = S B, A = Sb B but for
+        rounding. None: those of x.
+    inside : ndarray (N, n_x) or (0, n_x)
+        Rounding in these coordinates: ``e`` there, and that of B g.
     F, Fb : ndarray (N, O, n_x, c)
         Columns that a step adds, with and without its measurement.
     V : ndarray (N, O, n_y, s)
@@ -45,20 +55,28 @@ class ZonotopeTables:
         What the bounds of x have beyond the generators.
     rho : ndarray (N, n_y)
         Box beside the generators of the residual: rounding.
+    pairs : bool
+        For three outputs: membership by the normals of all pairs.
     directions : ndarray (m, n_y)
-        For more than two outputs.
+        For more than two outputs where it is not.
     slack, floor : ndarray ()
         Relative and absolute rounding of the membership test.
     """
 
     order: int
+    key: str
     weight: Array
+    B: Array
+    S: Array
+    Sb: Array
+    inside: Array
     F: Array
     Fb: Array
     V: Array
     e: Array
     spread: Array
     rho: Array
+    pairs: bool
     directions: Array
     slack: Array
     floor: Array
@@ -67,6 +85,11 @@ class ZonotopeTables:
     def columns(self) -> int:
         """Columns of H."""
         return self.order + self.F.shape[3]
+
+    @property
+    def oblique(self) -> bool:
+        """Whether boxes are in other coordinates than those of x."""
+        return len(self.B) > 0
 
     def to_dict(self) -> dict:
         """Return plain lists and numbers for design.json."""
@@ -77,8 +100,9 @@ class ZonotopeTables:
         """Rebuild from ``to_dict``; ``sizes`` is (n_modes, n_x, n_u, n_y)."""
         n, x, _, y = sizes
         origins = n + 1 if kind == "tnl" else 1
-        shapes = {"weight": (x,), "F": (n, origins, x, -1), "Fb": (n, origins, x, -1), "V": (n, origins, y, -1),
-                  "e": (x,), "spread": (origins, x), "rho": (n, y), "directions": (-1, y), "slack": (), "floor": ()}
+        shapes = {"weight": (x,), "B": (-1, x, x), "S": (-1, x, x), "Sb": (-1, x, x), "inside": (-1, x),
+                  "F": (n, origins, x, -1), "Fb": (n, origins, x, -1), "V": (n, origins, y, -1), "e": (x,),
+                  "spread": (origins, x), "rho": (n, y), "directions": (-1, y), "slack": (), "floor": ()}
 
         def shaped(name):
             value = np.array(data[name], dtype=np.float64)
@@ -87,15 +111,87 @@ class ZonotopeTables:
                 size = tuple(0 if s == -1 else s for s in size)
             return value.reshape(size).astype(real)
 
-        return cls(order=int(data["order"]), **{name: shaped(name) for name in shapes})
+        return cls(order=int(data["order"]), pairs=bool(data["pairs"]), key=data["key"],
+                   **{name: shaped(name) for name in shapes})
 
 
-def reduced(z: ZonotopeTables, H: Array) -> tuple[Array, Array]:
+@dataclass(frozen=True)
+class SetWork:
+    """What the set of an observer costs in a sample, the estimate apart.
+
+    Parameters
+    ----------
+    multiply, add, compare : int
+        Operations of the dearest sample, which is one without a fault.
+    words : int
+        Numbers of the state.
+    """
+
+    multiply: int
+    add: int
+    compare: int
+    words: int
+
+
+def set_work(n_x: int, n_y: int, order: int, added: int, noises: int, directions: int = 0,
+             pairs: bool = False, turned: bool = False) -> SetWork:
+    """Count reduction, carrying of the generators, bounds of x and membership.
+
+    Parameters
+    ----------
+    n_x, n_y : int
+    order : int
+        l >= n_x.
+    added, noises : int
+        Columns of F and of V.
+    directions : int
+        Rows of the template; read for more than two outputs.
+    pairs : bool
+        Membership by the normals of all pairs, for three outputs.
+    turned : bool
+        Boxes in other coordinates than those of x.
+
+    Returns
+    -------
+    work : SetWork
+    """
+    columns, kept = order + added, order - n_x
+    terms = columns + noises
+    crossed = (terms + 3) * (terms + 2) // 2 if pairs else 0
+    rows = crossed or {1: 0, 2: terms}.get(n_y, directions)
+    each = rows * (n_y * terms + 2 * n_y) + n_y * bool(rows)
+    multiply = 6 * crossed + 2 * n_x * columns + n_x * n_x * (kept + 1) + n_y * n_x * columns + n_y + each
+    add = (3 * crossed + n_x * columns + n_x * (columns - kept) + n_x * (n_x - 1) * kept + n_y * (n_x - 1) * columns
+           + n_x * columns + n_y * (terms + 1) + each)
+    compare = kept * columns - kept * (kept + 1) // 2 + n_x * columns + n_y * terms + rows * (terms + n_y + 2)
+    if turned:  # every column for its key, those that are boxed once more
+        multiply += n_x * n_x * (2 * columns - kept)
+        add += n_x * (n_x - 1) * (2 * columns - kept)
+    return SetWork(multiply, add, compare, n_x * columns)
+
+
+def keys(z: ZonotopeTables, Z: Array) -> Array:
+    """What columns (S, n_x, g) are compared by, (S, g); sums in ascending order of the states."""
+    if z.key == "squared":
+        key = z.weight[0] * (Z[:, 0] * Z[:, 0])
+        for i in range(1, Z.shape[1]):
+            key = key + z.weight[i] * (Z[:, i] * Z[:, i])
+        return key
+    key = most = z.weight[0] * np.abs(Z[:, 0])
+    for i in range(1, Z.shape[1]):
+        size = z.weight[i] * np.abs(Z[:, i])
+        key, most = key + size, np.where(size > most, size, most)
+    return key - most
+
+
+def reduced(z: ZonotopeTables, H: Array, p: Array | None = None) -> tuple[Array, Array]:
     """Keep the l - n_x columns with the largest keys; box the others.
 
     Parameters
     ----------
     H : ndarray (S, n_x, l + c)
+    p : ndarray (S,) int or None
+        Modes of the step that follows; read where boxes are in other coordinates.
 
     Returns
     -------
@@ -103,18 +199,16 @@ def reduced(z: ZonotopeTables, H: Array) -> tuple[Array, Array]:
     """
     runs, n_x, columns = H.shape
     H, rows = H.copy(), np.arange(runs)
-    key = z.weight[0] * (H[:, 0] * H[:, 0])
-    for i in range(1, n_x):
-        key = key + z.weight[i] * (H[:, i] * H[:, i])
-    kept = z.order - n_x
+    Z = times(z.B[p], H) if z.oblique else H
+    key, kept = keys(z, Z), z.order - n_x
     for j in range(kept):
         best = j + np.argmax(key[:, j:], axis=1)  # the first of the largest, as a strict > finds it
-        for array in (H.swapaxes(1, 2), key):
+        for array in (H.swapaxes(1, 2), key) + (Z.swapaxes(1, 2),) * z.oblique:
             first, chosen = array[:, j].copy(), array[rows, best].copy()
             array[rows, best], array[:, j] = first, chosen
-    box = np.broadcast_to(z.e, (runs, n_x))
+    box = z.inside[p] if z.oblique else np.broadcast_to(z.e, (runs, n_x))
     for j in range(kept, columns):
-        box = box + np.abs(H[:, :, j])
+        box = box + np.abs(Z[:, :, j])
     return H[:, :, :kept], box
 
 
@@ -155,9 +249,10 @@ class ZonotopeObserver(PointObserver):
     def moved(self, t: PointTables, p: Array, q: Array, origin: Array, H: Array, measured: bool) -> Array:
         """The set one step of the modes p later."""
         z, M = t.shape, (t.M if measured else t.A)[p]
-        kept, box = reduced(z, H)
+        kept, box = reduced(z, H, p)
+        back = (z.S if measured else z.Sb)[p] if z.oblique else M
         fresh = (z.F if measured else z.Fb)[p, np.minimum(origin, t.origins - 1)]
-        return np.concatenate([times(M, kept), M * box[:, None, :], fresh], axis=2)
+        return np.concatenate([times(M, kept), back * box[:, None, :], fresh], axis=2)
 
     def radius(self, t: PointTables, q: Array, origin: Array, H: Array) -> Array:
         """Half widths of the bounds of x."""
@@ -181,6 +276,8 @@ class ZonotopeObserver(PointObserver):
         margin = rho + z.slack * bound
         if r.shape[1] == 2:
             D = np.stack([-R[:, 1], R[:, 0]], axis=2)  # normals of the generators
+        elif z.pairs:
+            D = crossed(R)
         else:
             D = np.broadcast_to(z.directions, (len(r), *z.directions.shape))
         value, least = D[:, :, 0] * r[:, 0, None], z.floor + np.abs(D[:, :, 0]) * margin[:, 0, None]
@@ -193,3 +290,11 @@ class ZonotopeObserver(PointObserver):
                 along = along + D[:, :, i] * R[:, i, j, None]
             least = least + np.abs(along)
         return bound, np.concatenate([raw, ~(np.abs(value) <= least).all(axis=1)[:, None]], axis=1)
+
+
+def crossed(R: Array) -> Array:
+    """Normals of all pairs of generators and unit vectors of three residuals: (S, 3, g) -> (S, k, 3)."""
+    unit = np.broadcast_to(np.eye(3, dtype=R.dtype), (len(R), 3, 3))
+    a, b = (np.concatenate([R, unit], axis=2)[:, :, at] for at in np.triu_indices(R.shape[2] + 3, 1))
+    return np.stack([a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1], a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2],
+                     a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]], axis=2)

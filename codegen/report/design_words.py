@@ -76,6 +76,11 @@ def proved_switching(cert: dict) -> str:
             "firmware watches it and withdraws “assured” when it is faster")
 
 
+def is_point(design, real: str) -> bool:
+    """Whether the observer is an estimate with a set of errors, and no pair of framers."""
+    return isinstance(design.observer.tables[real], PointTables)
+
+
 def _facts(design, real: str) -> tuple[Fact, ...]:
     criterion = design.options.get("criterion", "")
     own = filter_words.facts(design, real) if is_filter(design, real) else ()
@@ -185,20 +190,21 @@ _FILTER_LIMITS = (
     "Which fault it is, where several can act: every fault may move every estimate.")
 
 
-def _limits(design) -> tuple[str, ...]:
+def _limits(design, point: bool) -> tuple[str, ...]:
     """What observers with bounds of the state do not guarantee."""
     return ("The state bounds while a fault acts. A fault too small to be seen can act while “assured” is set: it "
             "means that nothing measured contradicts the assumptions.",
             "That the alarm lasts as long as the fault. After an alarm the observer restarts from the declared ranges "
             "and may then take a constant fault for part of the plant"
             + ("; the latched bits remember it." if design.observer.supervision.latch else "."),
-            "Which fault it is. An alarm bit says which output left its bounds, not why.")
+            "Which fault it is. An alarm bit says which output left its bounds"
+            + (" (the last one: all of them together), not why." if point and design.plant.n_y > 1 else ", not why."))
 
 
 def _not_guaranteed(design, real: str) -> tuple[str, ...]:
-    debounce = design.observer.supervision.debounce
+    debounce, point = design.observer.supervision.debounce, is_point(design, real)
     items = ["That a fault below the thresholds is found. It may be, or may not.",
-             *(_FILTER_LIMITS if is_filter(design, real) else _limits(design)),
+             *(_FILTER_LIMITS if is_filter(design, real) else _limits(design, point)),
              "Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
              "with the observer settled before it.", *parameter_words.not_guaranteed(design.plant)]
     if debounce != (1, 1):
@@ -244,8 +250,9 @@ def _detection(design, real: str) -> tuple[Table, ...]:
             text = NEVER if size is None else words.quantity(words.at_most(size), fault["unit"])
             cells.append(Cell(text + (" *" if beyond else ""), "num warn" if beyond or size is None else "num"))
         rows.append(cells)
-    notes = ["A step of this size or more, of either sign, puts an output outside its bounds within this time, "
-             "whatever the disturbance, the noise and the mode sequence that the certificate admits. The delay counts "
+    where = "the residual outside its set" if is_point(design, real) else "an output outside its bounds"
+    notes = [f"A step of this size or more, of either sign, puts {where} within this time, whatever"
+             " the disturbance, the noise and the mode sequence that the certificate admits. The delay counts "
              "from the first sample of the fault; “at once” is that sample itself."]
     if varies(design, real):
         notes.append("Parameters and unknowns move the errors too: these thresholds bound every path of theta and "

@@ -13,10 +13,11 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
 from ..analysis.validate import Outcome
 from ..emit.render import template_root
 from ..errors import EmitError
-from . import assurance_words, firmware_words, outcome_words, period_words, plant_words, plots
+from . import assurance_words, compare_words, firmware_words, outcome_words, period_words, plant_words, plots, set_words
 from .assurance_words import AssuranceWords
 from .design_words import DesignWords, words_of
 from .period_words import PeriodWords
+from .set_words import SetWords, Watched
 from .table import Fact, Folded, Link, Plot, Table
 from .verdict import Verdict, verdict
 
@@ -31,6 +32,7 @@ class ScenarioView:
     faults: tuple[Table, ...]
     folded: tuple[Folded, ...]
     plots: tuple[Plot, ...]
+    sets: tuple[Plot, ...]
     states: tuple[Plot, ...]
 
 
@@ -44,17 +46,20 @@ class ReportView:
     plant_tables: tuple[Table, ...]
     design: DesignWords
     periods: tuple[PeriodWords, ...]
+    sets: tuple[SetWords, ...]
     validation: tuple[Table, ...]
     scenarios: tuple[ScenarioView, ...]
     cost_facts: tuple[Fact, ...]
     cost_tables: tuple[Table, ...]
+    compared: tuple[Table, ...]
     gains: tuple[Folded, ...]
     assurance: AssuranceWords
     provenance: tuple[Fact, ...]
     files: tuple[Link, ...]
 
 
-def write_report(folder, design, driver, outcomes: list[Outcome], periods: Sequence = ()) -> Path:
+def write_report(folder, design, driver, outcomes: list[Outcome], periods: Sequence = (),
+                 compared: Sequence = ()) -> Path:
     """Write ``report.html`` into the output folder; whole or not at all.
 
     Parameters
@@ -68,6 +73,8 @@ def write_report(folder, design, driver, outcomes: list[Outcome], periods: Seque
         Of ``analysis.validate``.
     periods : sequence of PeriodPoint
         Of ``periods.curve`` for a continuous plant.
+    compared : sequence of Compared
+        Of ``compare``, where it was run.
 
     Returns
     -------
@@ -79,7 +86,7 @@ def write_report(folder, design, driver, outcomes: list[Outcome], periods: Seque
         The file cannot be written.
     """
     path = Path(folder) / "report.html"
-    text = _print(view(Path(folder), design, driver, outcomes, periods))
+    text = _print(view(Path(folder), design, driver, outcomes, periods, compared))
     part = path.with_name("report.html.part")
     try:
         part.write_text(text, encoding="utf-8", newline="\n")
@@ -91,28 +98,33 @@ def write_report(folder, design, driver, outcomes: list[Outcome], periods: Seque
     return path
 
 
-def view(folder: Path, design, driver, outcomes: list[Outcome], periods: Sequence = ()) -> ReportView:
+def view(folder: Path, design, driver, outcomes: list[Outcome], periods: Sequence = (),
+         compared: Sequence = ()) -> ReportView:
     """Decide everything that the template prints; the parameters are those of ``write_report``."""
     plant, real, record = design.plant, driver.real, firmware_words.read_record(folder)
     cost_facts, cost_tables = firmware_words.cost(record)
+    scenes = set_words.watched(design, real, outcomes)
     return ReportView(
         title=f"{plant.title or plant.name}: fault-detection firmware",
         verdict=verdict(design, real, record, outcomes),
         plant_facts=plant_words.facts(plant), plant_tables=plant_words.tables(plant),
         design=words_of(design, real), periods=period_words.words_of(design, real, periods),
+        sets=set_words.words_of(design, scenes),
         validation=(outcome_words.validation_table(outcomes),) if outcomes else (),
-        scenarios=tuple(_scenario(design, real, i, o) for i, o in enumerate(outcomes)),
-        cost_facts=cost_facts, cost_tables=cost_tables, gains=firmware_words.gains(design, real),
+        scenarios=tuple(_scenario(design, real, i, o, w) for i, (o, w) in enumerate(zip(outcomes, scenes))),
+        cost_facts=cost_facts, cost_tables=cost_tables, compared=compare_words.tables(design, compared),
+        gains=firmware_words.gains(design, real),
         assurance=assurance_words.words_of(folder),
         provenance=firmware_words.provenance(design, real, driver.layout, driver.prefix),
         files=firmware_words.links(folder, driver.prefix))
 
 
-def _scenario(design, real: str, index: int, o: Outcome) -> ScenarioView:
+def _scenario(design, real: str, index: int, o: Outcome, w: Watched | None) -> ScenarioView:
     faults, folded = outcome_words.episode_tables(design, real, o)
     anchor = f"s{index}"
     return ScenarioView(o.scenario.name, anchor, outcome_words.summary(design, o), faults, folded,
-                        plots.residuals(design.plant, o, anchor), plots.states(design.plant, o, anchor))
+                        plots.residuals(design.plant, o, anchor), set_words.pictures(design, w, anchor),
+                        plots.states(design.plant, o, anchor))
 
 
 @cache

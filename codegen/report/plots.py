@@ -8,13 +8,15 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from ..analysis import plots, svg
-from ..analysis.panels import Run
+from ..analysis.panels import Run, joint_only
 from ..analysis.validate import Episode, Outcome
 from ..observers import FilterTrace
 from . import words
 from .table import Plot
 
 LONG = 600  # samples from which the first fault gets a plot of its own
+JOINTLY = (" “Only jointly”: every residual is within its own bound, and all of them together cannot be explained; the "
+           "pictures below show why.")
 MANY = 3  # faults from which it does too
 RESIDUAL = ("While zero lies between the bounds, the measurement agrees with the plant; where it does not, a fault is "
             "proved. Bounds that restart from the declared ranges after an alarm may run off the panel.")
@@ -37,8 +39,8 @@ def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
     tuple of Plot
     """
     run, title = plots.whole(plant, o.truth, o.trace), o.scenario.name
-    text = ESTIMATE if isinstance(o.trace, FilterTrace) else RESIDUAL
-    every = Plot(inline(plots.residual_figure(run), f"{name}r", f"Residuals of scenario {title}"), text)
+    caption = ESTIMATE if isinstance(o.trace, FilterTrace) else RESIDUAL + (JOINTLY if joint_only(run).any() else "")
+    every = Plot(inline(plots.residual_figure(run), f"{name}r", f"Residuals of scenario {title}"), caption)
     if not o.episodes or (len(o.episodes) <= MANY and len(o.trace.status) <= LONG):
         return (every,)
     first = o.episodes[0]

@@ -43,10 +43,15 @@ class Folded:
 
 @dataclass(frozen=True)
 class Plot:
-    """An inline SVG and the words below it."""
+    """An inline SVG and the words below it, if any."""
 
     svg: Markup
     caption: str
+
+    @property
+    def captions(self) -> tuple[str, ...]:
+        """The words, where there are some."""
+        return (self.caption,) if self.caption else ()
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,8 @@ METHODS = {
 #: Options of every method with an error set.
 SETS = {"set": ("zonotope", "ellipsoid", "interval"), "order": (2, 200),
         "tables": ("none", "schedule", "dwell", "arbitrary"), "rows": (1, 200), "stages": (3, 50),
-        "directions": (2, 64), "gains": dict}
+        "directions": (2, 64), "weights": ("fixed", "trace"),
+        "membership": ("auto", "exact", "directions"), "gains": dict}
 
 
 def known_options(methods: list[str]) -> dict:

@@ -26,7 +26,7 @@ from ..errors import ToolError, ValidationError
 LIMIT = 1800  # seconds
 # 32-bit, little endian, as a Cortex-M; modules named one by one because loading all takes longest.
 OPTIONS = ("-no-autoload-plugins", "-load-module", "from,inout,eva,scope,report", "-machdep", "gcc_x86_32",
-           "-eva-precision", "0", "-eva-auto-loop-unroll", "64", "-eva-split-return", "full",
+           "-eva-precision", "0", "-eva-split-return", "full",
            "-warn-special-float", "non-finite", "-from-verify-assigns", "-eva-msg-key=-final-states,-initial-state")
 # Where paths are kept apart: the harness's rounds, and checks that lead to different answers.
 PATHS = {"calls": 100_000, "one_step": 100, "one_predict": 100, "refused": 100, "{}_step": 200, "{}_predict": 200,
@@ -82,9 +82,6 @@ def prove(folder: str | Path) -> ProofResult:
     folder = Path(folder).resolve()
     record = read_record(folder)
     prefix, inputs = record["prefix"], record["n_u"]
-    if "x_hat" in (name for name, *_ in record.get("out", ())):
-        raise ToolError(f"{folder}: a point observer (found), expected a pair of framers: Frama-C does not follow its "
-                        "error set. residua certify, fuzz and validate check it.")
     if "f_hat" in (name for name, *_ in record.get("out", ())):
         raise ToolError(f"{folder}: a fault estimation filter (found), expected a pair of framers: no harness is made "
                         "for it. residua certify, fuzz and validate check it.")
@@ -95,12 +92,13 @@ def prove(folder: str | Path) -> ProofResult:
     paths = PATHS | ({"{}_u_accepted": 500} if inputs else {})
     paths |= {"{}_theta_accepted": 500} if record.get("n_theta") else {}
     apart = ",".join(f"{name.format(prefix)}:{count}" for name, count in paths.items())
+    longest = max([64, *(count + 1 for _, _, count in record.get("state", ()))])  # loops over an error set too
     version = _run(["-version"], folder).split()[0]
     begin = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="residua-") as scratch:
         table = Path(scratch) / "properties.csv"
-        said = _run([*OPTIONS, "-main", f"prove_{prefix}", "-eva", "-eva-slevel-function", apart, *sources,
-                     "-then", "-report-csv", str(table)], folder)
+        said = _run([*OPTIONS, "-eva-auto-loop-unroll", str(longest), "-main", f"prove_{prefix}", "-eva",
+                     "-eva-slevel-function", apart, *sources, "-then", "-report-csv", str(table)], folder)
         if not table.is_file():
             raise ToolError("frama-c: wrote no list of properties. Run it again, or install another version.")
         with table.open(encoding="utf-8", newline="") as file:

@@ -14,7 +14,7 @@ from codegen.designs import read_design
 from codegen.emit.package import files
 from codegen.plant.load import load, loads, starter
 from codegen.plant.properties import descriptor_properties
-from codegen.synthesis import METHODS
+from codegen.synthesis import METHODS, known_options
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
@@ -82,6 +82,12 @@ def test_nonlinear_equations_are_those_of_the_disc():
 def test_every_method_is_in_the_table():
     for name in METHODS:
         assert f"`{name}`" in README
+
+
+def test_every_option_of_sets_is_in_the_table():
+    for name, method in METHODS.items():
+        for option in known_options([name]) if not method.framers else ():
+            assert f"`{option}`" in README or option in ("within", "evaluations"), option
 
 
 def test_calling_example_compiles(home):

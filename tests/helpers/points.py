@@ -38,8 +38,9 @@ def random_plant(sizes=(3, 3, 1, 2), seed=0, noises=(2, 2), noise=0.01, name="pt
                  x=signals("x", n_x, 5.0), u=signals("u", n_u, 0.3), y=signals("y", n_y, 20.0),
                  w=signals("w", n_w, noise),
                  v=signals("v", n_v, noise), f=(Signal("actuator", "", -1.0, 1.0), Signal("sensor", "", -1.0, 1.0)),
-                 theta=(), x0_lo=np.full(n_x, -0.1), x0_hi=np.full(n_x, 0.2), modes=tuple(modes), switching=Switching(schedule=schedule),
-                 method="zonotope", options={}, target=Target(name, "float32", "table"), scenarios=())
+                 theta=(), x0_lo=np.full(n_x, -0.1), x0_hi=np.full(n_x, 0.2), modes=tuple(modes),
+                 switching=Switching(schedule=schedule), method="zonotope", options={},
+                 target=Target(name, "float32", "table"), scenarios=())
 
 
 def gains_of(plant, kind):
@@ -49,15 +50,31 @@ def gains_of(plant, kind):
     return {"L": L, "N": N, "kind": kind}
 
 
-def point_design(plant, kind="luenberger", supervision=None, dwell=1, **options):
-    """Freeze and certify both number types."""
+def point_design(plant, kind="luenberger", supervision=None, dwell=1, turn=None, reduction=None, **options):
+    """Freeze and certify both number types; ``turn``: coordinates of a box, ``reduction``: how to reduce a zonotope."""
     gains = gains_of(plant, kind)
     gains |= choice_of(options, "zonotope")(plant, gains, options, dwell)
+    if turn is not None:
+        gains |= {"coordinates": np.array(turn, dtype=float), "limit": 8 * gains["limit"]}
+    if reduction is not None:
+        gains["reduction"] |= reduction
     made = {real: certified(plant, gains, {"kind": "none"}, real) for real in ("float32", "float64")}
     family = made["float32"][1]["set"]
     observer = FAMILIES[family]({real: t for real, (t, _) in made.items()}, supervision or Supervision())
     return Design(plant, family, observer, {real: cert for real, (_, cert) in made.items()},
                   {real: ["own words"] for real in made}, {real: [] for real in made})
+
+
+def in_turn(design, q, every=1):
+    """The same modes, every so many runs those of the plant's schedule if it has one, some samples out of turn."""
+    cycle = design.plant.switching.schedule
+    if not cycle:
+        return q
+    rng, out = np.random.default_rng(1), np.array(q)
+    for run in range(0, len(q), every):
+        turn = np.resize(np.roll(cycle, -rng.integers(len(cycle)) * (run % 3)), q.shape[1])
+        out[run] = np.where(rng.random(q.shape[1]) < 0.02, q[run], turn)
+    return out
 
 
 def changed(design, real="float32", shape=None, **tables):
@@ -73,6 +90,10 @@ VARIANTS = {  # plant, then arguments of ``point_design``: between them every br
     "gain on the new output": ({"seed": 1}, {"kind": "tnl", "supervision": GUARDED}),
     "smallest": ({"sizes": (1, 1, 0, 1), "noises": (1, 1)}, {"kind": "luenberger", "order": 2}),
     "no sensor noise": ({"sizes": (2, 2, 1, 1), "noises": (2, 0), "seed": 2}, {"kind": "tnl", "order": 5}),
+    "three outputs": ({"sizes": (2, 3, 1, 3), "noises": (1, 2), "seed": 11}, {"kind": "tnl", "order": 5}),
+    "other coordinates": ({"seed": 12}, {"kind": "tnl", "order": 6, "reduction": {
+        "key": "girard", "coordinates": np.random.default_rng(0).normal(size=(3, 3, 3)) / 8 + np.eye(3)}}),
+    "girard": ({"seed": 13}, {"kind": "luenberger", "order": 5, "reduction": {"key": "girard"}}),
     "four outputs": ({"sizes": (2, 4, 2, 4), "noises": (1, 4), "seed": 3},
                      {"kind": "tnl", "order": 9, "supervision": Supervision(debounce=(1, 4), latch=False, recover=3)}),
     "table": ({"seed": 5}, {"kind": "tnl", "tables": "dwell", "dwell": 3, "rows": 4, "stages": 3}),
@@ -81,21 +102,25 @@ VARIANTS = {  # plant, then arguments of ``point_design``: between them every br
                             {"kind": "luenberger", "tables": "dwell", "rows": 5, "supervision": GUARDED}),
     "schedule": ({"seed": 5, "schedule": (0, 0, 1, 1, 1)}, {"kind": "tnl", "tables": "schedule", "rows": 4}),
     "schedule of one mode": ({"sizes": (1, 2, 1, 1), "seed": 6, "schedule": (0,)},
-                             {"kind": "luenberger", "tables": "schedule", "rows": 2}),
-    "schedule, four outputs": ({"sizes": (2, 4, 0, 4), "noises": (1, 4), "seed": 3, "schedule": (0, 1, 1)},
-                               {"kind": "luenberger", "tables": "schedule", "rows": 5, "supervision": GUARDED}),
+                             {"kind": "luenberger", "tables": "schedule", "rows": 2, "supervision": GUARDED}),
     "blocks": ({"seed": 5}, {"kind": "tnl", "tables": "arbitrary", "rows": 4, "order": 5}),
     "blocks of one mode": ({"sizes": (1, 2, 1, 1), "seed": 6},
                            {"kind": "tnl", "tables": "arbitrary", "rows": 3, "order": 4}),
     "blocks, four outputs": ({"sizes": (2, 4, 0, 4), "noises": (1, 4), "seed": 3},
-                             {"kind": "luenberger", "tables": "arbitrary", "rows": 2, "order": 6,
-                              "supervision": GUARDED}),
+                             {"kind": "luenberger", "tables": "arbitrary", "rows": 2, "order": 6}),
     "ellipsoid": ({"seed": 8}, {"kind": "tnl", "set": "ellipsoid"}),
     "ellipsoid, one output": ({"sizes": (1, 2, 0, 1), "noises": (1, 1), "seed": 6},
                               {"kind": "luenberger", "set": "ellipsoid", "supervision": GUARDED}),
     "ellipsoid, four outputs": ({"sizes": (2, 4, 2, 4), "noises": (1, 4), "seed": 3},
                                 {"kind": "luenberger", "set": "ellipsoid"}),
+    "trace": ({"seed": 8}, {"kind": "tnl", "set": "ellipsoid", "weights": "trace"}),
+    "trace, one output": ({"sizes": (1, 2, 0, 1), "noises": (1, 1), "seed": 6},
+                          {"kind": "luenberger", "set": "ellipsoid", "weights": "trace", "supervision": GUARDED}),
+    "trace, four outputs": ({"sizes": (2, 4, 2, 4), "noises": (1, 4), "seed": 3},
+                            {"kind": "luenberger", "set": "ellipsoid", "weights": "trace"}),
     "box": ({"seed": 10}, {"kind": "tnl", "set": "interval", "supervision": GUARDED}),
+    "box, turned": ({"seed": 8}, {"kind": "tnl", "set": "interval",
+                                  "turn": [[1, 0.3, 0], [-0.2, 1, 0.4], [0.1, 0, 0.7]]}),
     "box, one output": ({"sizes": (1, 2, 0, 1), "noises": (1, 0), "seed": 6}, {"kind": "luenberger",
                                                                                "set": "interval"}),
     "one mode": ({"sizes": (1, 3, 1, 2), "seed": 4}, {"kind": "tnl", "order": 8}),

@@ -1,20 +1,35 @@
 """Point observers with a residual set: the C is the reference, and the sets hold what they must, rounding included."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
 from helpers.folders import write
-from helpers.points import VARIANTS, changed, point_design, random_plant
+from helpers.points import VARIANTS, changed, in_turn, point_design, random_plant
+from helpers.set_changes import (
+    BASIS_CHANGES,
+    BLOCK_CHANGES,
+    BOX_CHANGES,
+    CHANGES,
+    PAIR_CHANGES,
+    SCHEDULE_CHANGES,
+    TABLE_CHANGES,
+    TRACE_CHANGES,
+    TURN_CHANGES,
+)
 from sil.test_equal import stimulus
 
 from codegen.algebra import zonotope
+from codegen.certify import set_claims
 from codegen.certify.boxes import BoxDemands
+from codegen.errors import CertificateError, DesignError
 from codegen.host import build
 from codegen.observers import PointTrace
 from codegen.observers.thresholds import ThresholdObserver
 from codegen.observers.zonotope import reduced
 
+TURN = [[1, 0.3, 0], [-0.2, 1, 0.4], [0.1, 0, 0.7]]
 LAYOUTS = ("literal", "table", "loop")
 
 
@@ -39,6 +54,7 @@ def test_c_equals_the_reference(variant, real, made, tmp_path):
     design = made(variant)
     t = design.observer.tables[real]
     u, y, q = stimulus(t, np.random.default_rng(len(variant)))
+    q = in_turn(design, q, 3)
     y[::2] = quiet_outputs(design, u[::2], q[::2], y[::2])
     reference = design.observer.run_many(u, y, q, real)
     assert isinstance(reference, PointTrace) and {0, 1, 3} <= set(np.unique(reference.status))
@@ -69,33 +85,18 @@ def quiet_outputs(design, u, q, wild):
     return out
 
 
-CHANGES = [("key[k] > key[best]", "key[k] >= key[best]"),
-           ("for (uint32_t j = PT_KEPT;", "for (uint32_t j = PT_KEPT + 1U;"),
-           ("box[i] = rounding[i]", "box[i] = 0.0F"), ("matrix[i][j] * box[j]", "matrix[j][i] * box[j]"),
-           ("s->origin = p;", "s->origin = PT_MODES;"), ("raw |= PT_BIT_TOGETHER", "raw |= 0U"),
-           ("radius[i] = spread[o][i]", "radius[i] = 0.0F"), ("noise[q][o]", "noise[q][0U]"),
-           ("rho[q][i]", "rho[0][0]")]
-
-
-TABLE_CHANGES = [("< 3U)", "< 4U)"), ("s->stage++;", "s->stage = 1U;"), ("(PT_ANEW - 1U)", "(PT_ANEW - 2U)"),
-                 ("s->since++;", "s->since = 0U;"), ("inside = false", "inside = true"),
-                 ("direction[i - PT_NY][j]", "direction[0][j]"),
-                 ("return (s->since < PT_ROWS) ? s->since", "return (s->since < 1U) ? 0U")]
-
-
-BOX_CHANGES = [("next[i] = added[p][o][i]", "next[i] = added[p][0U][i]"), ("size[p][i][k]", "size[p][k][i]"),
-               ("s->origin = p;", "s->origin = PT_MODES;"), ("noise[q][o][i]", "noise[q][0U][i]"),
-               ("radius[i] = spread[o][i] + ", "radius[i] = "),
-               ("<= out->r_bound[i])", "<= (2.0F * out->r_bound[i]))")]
-
-
 @pytest.mark.parametrize("variant,changes", [("gain on the new output", CHANGES), ("table", TABLE_CHANGES),
-                                             ("box", BOX_CHANGES)])
+                                             ("schedule", SCHEDULE_CHANGES), ("blocks", BLOCK_CHANGES),
+                                             ("box", BOX_CHANGES), ("trace", TRACE_CHANGES),
+                                             ("box, turned", TURN_CHANGES), ("three outputs", PAIR_CHANGES),
+                                             ("other coordinates", BASIS_CHANGES)])
 def test_a_mutant_is_noticed(variant, changes, made, tmp_path):
     """A tie, a column, a margin, a transposition, a mode: the comparison above sees each."""
     design = made(variant)
     u, y, q = stimulus(design.observer.tables["float32"], np.random.default_rng(3), runs=40)
+    q = in_turn(design, q, 3)
     y[::2] = quiet_outputs(design, u[::2], q[::2], y[::2])
+    y[::4] += np.random.default_rng(4).uniform(-0.06, 0.06, y[::4].shape).astype(y.dtype)  # on either side of the edges
     reference = design.observer.run_many(u, y, q)
     folder = write(design, tmp_path / "c", layout="loop")
     text = (folder / "pt.c").read_text()
@@ -106,7 +107,7 @@ def test_a_mutant_is_noticed(variant, changes, made, tmp_path):
         assert build(folder).run_many(u, y, q).differs(reference), new
 
 
-def exact_run(plant, steps, rng):
+def exact_run(plant, steps, rng, q=None):
     """The plant in rational arithmetic under corner noise: exact x, and what the firmware reads, as float32."""
     def matrix(a):
         return [[Fraction(float(v)) for v in row] for row in a]
@@ -116,7 +117,7 @@ def exact_run(plant, steps, rng):
 
     modes = [{k: matrix(getattr(m, k)) for k in ("A", "B", "C", "D", "Bw", "Dv")} for m in plant.modes]
     x = [Fraction(float(v)) for v in np.where(rng.random(plant.n_x) < 0.5, plant.x0_lo, plant.x0_hi)]
-    q = rng.integers(0, plant.n_modes, steps)
+    q = rng.integers(0, plant.n_modes, steps) if q is None else q
     u = np.where(rng.random((steps, plant.n_u)) < 0.5, -0.3, 0.3)
     states, y = [], np.empty((steps, plant.n_y), dtype=np.float32)
     for k in range(steps):
@@ -143,16 +144,21 @@ def without_rounding(design):
     if design.observer.family == "ellipsoid":
         return changed(design, shape={"k": z.k * 0, "kr": z.kr * 0, "H": z.H * 0, "V": z.V * 0,
                                       "spread": z.spread * 0})
+    if design.observer.family == "ellipsoid_trace":
+        return changed(design, shape={name: getattr(z, name) * 0 for name in ("k", "kr", "H", "V", "spread")})
     if design.observer.family == "box":
-        noise = BoxDemands(design.plant.modes, design.observer.tables["float32"]).columns
-        only = {name: np.abs(noise[f].astype(float)).sum(axis=3).astype(np.float32)
-                for name, f in (("g", "F"), ("gb", "Fb"), ("rho", "V"))}
+        noise, back = BoxDemands(design.plant.modes, design.observer.tables["float32"]).columns, np.linalg.inv(z.T)
+        only = {name: np.abs(turn @ noise[f].astype(float)).sum(axis=3).astype(np.float32)
+                for name, f, turn in (("g", "F", back), ("gb", "Fb", back), ("rho", "V", np.eye(2)))}
         return changed(design, shape=only | {"spread": z.spread * 0})
-    return changed(design, shape={"e": z.e * 0, "rho": z.rho * 0, "spread": z.spread - np.float32(0.999) * z.e})
+    return changed(design, shape={"e": z.e * 0, "rho": z.rho * 0, "spread": z.spread - np.float32(0.999) * z.e,
+                            "inside": z.inside * 0})
 
 
-@pytest.mark.parametrize("kind,options", [("luenberger", {"order": 6}), ("tnl", {"order": 6}),
-                                          ("tnl", {"set": "ellipsoid"}), ("tnl", {"set": "interval"})])
+@pytest.mark.parametrize("kind,options", [
+    ("luenberger", {"order": 6}), ("tnl", {"order": 6}), ("tnl", {"set": "ellipsoid"}), ("tnl", {"set": "interval"}),
+    ("tnl", {"set": "interval", "turn": TURN}), ("tnl", {"set": "ellipsoid", "weights": "trace"}),
+    ("luenberger", {"order": 6, "reduction": VARIANTS["other coordinates"][1]["reduction"]})])
 def test_rounding_is_inside_the_set(kind, options, tmp_path):
     """Noise a millionth of the states: the margins decide. Without them the same run loses states or alarms falsely."""
     plant = random_plant(noise=1e-8, seed=7)
@@ -210,13 +216,19 @@ def driven(plant, q, w, v):
 def smaller_sets(design):
     """Name and tables of mutants: a generator dropped, thresholds or shapes too small."""
     z = design.observer.tables["float32"].shape
-    if design.observer.family == "ellipsoid":
+    if design.observer.family in ("ellipsoid", "ellipsoid_trace"):
         return {"step": {"H": z.H * np.float32(0.02)}, "residual": {"V": z.V * np.float32(0.02)}}
     if design.observer.family == "box":
         return {"step": {"g": z.g * np.float32(0.5)}, "residual": {"rho": z.rho * np.float32(0.6)},
                 "carried": {"P": z.P * np.float32(0.2)}, "output": {"S": z.S * np.float32(0.5)}}
     if design.observer.family == "thresholds":
         return {"thresholds": {"h": z.h * np.float32(0.9)}}
+    if design.observer.family == "schedule":
+        share = np.ones((len(z.h), 1), dtype=np.float32)
+        share[-len(z.cycle):] = 0.9
+        return {"for ever": {"h": z.h * share}}
+    if design.observer.family == "blocks":
+        return {"scalars": {"scalars": z.scalars * np.float32(0.8)}, "added": {"pushed": z.pushed * 0}}
     out = {}
     for name in ("F", "V"):
         for j in range(getattr(z, name).shape[3]):
@@ -226,11 +238,12 @@ def smaller_sets(design):
 
 
 @pytest.mark.parametrize("kind,options", [
-    ("luenberger", {"order": 12}), ("tnl", {"order": 12}), ("tnl", {"set": "ellipsoid"}),
-    ("tnl", {"set": "interval"}), ("tnl", {"tables": "dwell", "rows": 8, "stages": 5})])
+    ("luenberger", {"order": 12}), ("tnl", {"order": 12}), ("tnl", {"set": "ellipsoid"}), ("tnl", {"set": "interval"}),
+    ("tnl", {"set": "ellipsoid", "weights": "trace"}), ("tnl", {"tables": "dwell", "rows": 8, "stages": 5}),
+    ("tnl", {"tables": "schedule", "rows": 6}), ("tnl", {"tables": "arbitrary", "rows": 4, "order": 8})])
 def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
     """Corners aligned with the residual at one sample. A generator dropped from the tables, and it alarms falsely."""
-    design = point_design(random_plant(seed=9), kind, **options)
+    design = point_design(random_plant(seed=9, schedule=(0, 1, 1, 2, 0, 0)), kind, **options)
     plant = design.plant
     drivers = {"sound": build(write(design, tmp_path / "sound"))}
     for name, shape in smaller_sets(design).items():
@@ -238,6 +251,8 @@ def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
     runs, rng = [], np.random.default_rng(0)
     for angle in np.linspace(0, np.pi, 12, endpoint=False):
         q = rng.integers(0, plant.n_modes, 14)
+        if design.observer.family == "schedule":
+            q = np.resize(plant.switching.schedule, 14)
         w, v = worst_noise(plant, design.observer.tables["float64"], q, np.array([np.cos(angle), np.sin(angle)]))
         runs.append((driven(plant, q, w, v), q))
     y, q = (np.stack(a) for a in zip(*runs))
@@ -248,7 +263,8 @@ def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
 
 
 @pytest.mark.parametrize("variant", ["two outputs", "gain on the new output", "one mode", "table", "table of one mode",
-                                     "box", "box, one output"])
+                                     "schedule", "blocks", "box", "box, turned", "box, one output", "trace",
+                                     "trace, one output"])
 def test_surely_detected_faults_are_found(variant, made):
     """Modes as slow as the promise asks, hostile noise: a step of the promised size shows by the promised sample."""
     from codegen.analysis.detectability import surely_detected
@@ -263,6 +279,7 @@ def test_surely_detected_faults_are_found(variant, made):
                 continue
             for _ in range(8):
                 q = np.repeat(rng.integers(0, plant.n_modes, 10), 3)  # as the dwell time of the tables
+                q = np.resize(plant.switching.schedule, 30) if plant.switching.schedule else q
                 f = np.zeros((30, plant.n_f))
                 f[20:, j] = size * rng.choice([-1.0, 1.0])
                 y = noisy(plant, q, f, rng)
@@ -298,6 +315,53 @@ def test_membership_is_exact_for_two_outputs(made):
     assert (raw.any(axis=1) == (wanted > 1)).all()
     assert raw[:, 2].sum() > raw[:, :2].any(axis=1).sum()  # the set says more than its hull
     np.testing.assert_allclose(bound, [zonotope.hull(G) for G in sets], rtol=1e-9)
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_membership_is_exact_for_three_outputs(flat, made):
+    """Against the gauge of the same generators; directions chosen offline miss some of what it finds, and nothing else
+    is found that is inside. A set that is flat lets no point out of its plane pass.
+    """
+    design = made("three outputs")
+    run = design.observer
+    t = run.tables["float64"]
+    rng = np.random.default_rng(0)
+    H = 0.05 * rng.uniform(-1, 1, (150, 3, t.shape.columns))
+    if flat:  # the noise is not: only where it is left out
+        t = replace(t, shape=replace(t.shape, V=t.shape.V * 0, rho=t.shape.rho * 0))
+        H[:, :, 2:] = 0.0
+    q, origin = rng.integers(0, 2, len(H)), np.zeros(len(H), dtype=int)
+    sets = [np.concatenate([t.C[a] @ h, t.shape.V[a, 0]], axis=1) for a, h in zip(q, H)]
+    r = np.array([G @ rng.uniform(-1, 1, G.shape[1]) for G in sets])
+    wanted = 1 + 1e-9 * rng.choice([-1.0, 1.0], len(H)) * (1 if not flat else 1e4)
+    r *= (wanted / [zonotope.gauge(G, x) for G, x in zip(sets, r)])[:, None]
+    bound, raw = run.judged(t, q, origin, H, r)
+    assert (raw.any(axis=1) == (wanted > 1)).all()
+    assert raw[:, 3].sum() > 2 * raw[:, :3].any(axis=1).sum()
+    rows = np.concatenate([zonotope.template(G, x[None])[3:] for G, x in zip(sets[:4], r)])
+    some = replace(t, shape=replace(t.shape, pairs=False, directions=rows))
+    _, less = run.judged(some, q, origin, H, r)
+    assert not (less & ~raw).any() and less.any(axis=1).sum() < raw.any(axis=1).sum()
+    if flat:
+        off = np.array([np.cross(G[:, 0], G[:, 1]) for G in sets])
+        off = off * (1e-4 / np.linalg.norm(off, axis=1))[:, None]
+        assert run.judged(t, q, origin, H, 0.5 * r + off)[1].any(axis=1).all()
+
+
+def test_membership_of_three_outputs_is_chosen(made):
+    """Exact where it is cheap enough or asked for; refused for more outputs; products that overflow are refused."""
+    plant = random_plant((2, 3, 1, 3), 11, (1, 2))
+    assert made("three outputs").observer.tables["float32"].shape.pairs
+    few = point_design(plant, "tnl", order=5, membership="directions").observer.tables["float32"].shape
+    assert not few.pairs and len(few.directions)
+    assert not point_design(plant, "tnl", order=20).observer.tables["float32"].shape.pairs
+    assert point_design(plant, "tnl", order=20, membership="exact").observer.tables["float32"].shape.pairs
+    with pytest.raises(DesignError, match='membership is "exact" with 4 outputs .found., expected at most 3'):
+        point_design(random_plant((2, 4, 2, 4), 3, (1, 4)), order=9, membership="exact")
+    design = made("three outputs")
+    t, cert = design.observer.tables["float32"], design.certificate["float32"]
+    with pytest.raises(CertificateError, match="products of three residuals may overflow"):
+        set_claims.check(plant.modes, replace(t, y_hi=t.y_hi * np.float32(1e13)), cert)
 
 
 def test_reduction_is_the_algebra_s(made):

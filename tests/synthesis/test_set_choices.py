@@ -18,11 +18,12 @@ PLANTS = {"zammali_zonotope": "zammali_section_6_2_4.toml", "zammali_ellipsoid":
 #: A single design of each method, or else its whole search; "printed": gains in the plant file.
 CHEAP = {"zonotope": {"criterion": "hinf", "lyapunov": "common"},
          "ellipsoid": {"structure": "tnl", "lambda": 0.8, "beta": 0.01}, "printed": {}}
+#: Every word of the options ``set`` and ``weights``.
+WHICH = {**{word: {"set": word} for word in SETS["set"]},
+         **{word: {"set": "ellipsoid", "weights": word} for word in SETS["weights"]}}
 METHOD = [name for name, m in METHODS.items() if not m.framers]
-#: The printed gains of 6.2.4 are unstable under alternate switching, which the plant does not exclude: no set. Those of
-#: the last are stable, |A - L C| is not: no box.
-GROWS = {*(("zammali_zonotope", "printed", which) for which in SETS["set"]),
-         ("zammali_ellipsoid", "zonotope", "interval")}
+#: The printed gains of 6.2.4 are unstable under alternate switching, which the plant does not exclude: no set.
+GROWS = {("zammali_zonotope", "printed", which) for which in WHICH}
 
 
 def gains(plant):
@@ -41,13 +42,13 @@ def outputs(plant, modes, noise, rng):
     return np.array(y)
 
 
-@pytest.mark.parametrize("which", SETS["set"])
+@pytest.mark.parametrize("which", WHICH)
 @pytest.mark.parametrize("method", [*METHOD, "printed"])
 @pytest.mark.parametrize("name", PLANTS)
 def test_no_false_alarm(name, method, which):
     """Corner noise through the reference in float32: nothing. Eight times as much: alarms, so the set is tight."""
     plant = load(name)
-    options = CHEAP.get(method, {}) | {"set": which} | (gains(name) if method == "printed" else {})
+    options = CHEAP.get(method, {}) | WHICH[which] | (gains(name) if method == "printed" else {})
     entry = METHODS["zonotope" if method == "printed" else method]
     if (name, method, which) in GROWS:
         with pytest.raises(DesignError, match="grows without bound.*or take gains that decay faster"):
@@ -67,3 +68,17 @@ def test_no_false_alarm(name, method, which):
         assert trace.assured.any()
         alarms[noise] = int((trace.raw_bits != 0).sum())
     assert alarms[1] == 0 and alarms[8] > 100
+
+
+def test_a_box_is_turned_only_where_it_must_be():
+    """6.3.5: |T A - L C| of the Luenberger gains grows, in other coordinates it does not; with N there is no need."""
+    plant, made = load("zammali_ellipsoid"), {}
+    for structure in ("luenberger", "tnl"):
+        options = CHEAP["ellipsoid"] | {"structure": structure, "set": "interval"}
+        entry = METHODS["ellipsoid"]
+        made[structure] = next(explore(plant, entry.module, entry.family, options, lambda text: None))
+    z = made["luenberger"].tables.shape
+    assert z.turned and not made["tnl"].tables.shape.turned
+    assert max(np.abs(np.linalg.eigvals(np.abs(M))).max() for M in made["luenberger"].tables.M) > 1.3
+    assert max(np.abs(np.linalg.eigvals(P)).max() for P in z.P) < 0.7
+    assert made["luenberger"].cert["steady_box"]["width"][0] < 0.5

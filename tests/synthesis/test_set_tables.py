@@ -32,6 +32,7 @@ from set_plants import (
 )
 
 from codegen.algebra import error_set, residual_sets, zonotope
+from codegen.analysis import set_schedule
 from codegen.analysis.set_blocks import block_table
 from codegen.analysis.set_schedule import schedule_table
 from codegen.analysis.set_stay import Stay
@@ -40,6 +41,9 @@ from codegen.certify.block_bounds import block_needs
 from codegen.certify.schedule_bounds import prove_schedule
 from codegen.certify.set_bounds import prove_dwell
 from codegen.errors import CertificateError, DesignError
+from codegen.observers import FAMILIES, Supervision
+from codegen.plant.load import load
+from codegen.points import certified, choice_of
 
 FAN = zonotope.fan(8)
 
@@ -111,6 +115,30 @@ def test_dwell_and_block_tables_are_as_tight_as_promised(recursion20):
     assert mean["T2"] < 1.10 and mean["T3"] < 1.07  # promised: 1.10 and 1.11
     assert mean["T4"] == pytest.approx(1.5, abs=.06)
     assert min(np.min(v) for v in found.values()) > 1 - 1e-9
+
+
+@pytest.mark.parametrize("options, most", [({"tables": "dwell", "rows": 12, "stages": 3}, 1.10),
+                                           ({"tables": "arbitrary", "rows": 12, "order": 5}, 1.11)])
+def test_what_the_target_holds_is_as_tight_as_promised(options, most, gains20, recursion20):
+    """The same on the certified numbers of the C, in float32, where the set that is reduced at every sample has 1.5."""
+    plant = load("zammali_dwell")
+    gains = {"L": gains20, "N": np.zeros((3, 3, 2)), "kind": "luenberger"}
+    gains |= choice_of(options, "zonotope")(plant, gains, options, 6)
+    t, cert = certified(plant, gains, {"kind": "none"}, "float32")
+    observer, rng, found, every = FAMILIES[cert["set"]]({"float32": t}, Supervision()), np.random.default_rng(1), [], []
+    D, none = t.shape.directions.astype(float), np.zeros(1, dtype=int)
+    assert len(D) == 8
+    for _ in range(8):
+        path, h = random_path(rng, 3, 6, 60), []
+        at = observer.whole(t, np.zeros((1, 3)), True)
+        for k, q in enumerate(np.array(path)[:, None]):
+            at = observer.moved(t, np.array(path[k - 1:k]), q, none, at, True) if k else at
+            h.append(t.shape.h[observer._row(t, q, at)][0] if hasattr(t.shape, "h") else
+                     observer.reach(t, q, none, at)[0, :8])
+        exact = residual_sets.thresholds(recursion20, path, H62, D)
+        found.append(ratios(np.array(h, dtype=float), exact))
+        every.append(ratios(residual_sets.thresholds(recursion20, path, H62, D, 5), exact))
+    assert 1.0 < np.mean(found) < most and np.min(found) > 1.0 and np.mean(every) == pytest.approx(1.5, abs=.06)
 
 
 def test_dwell_table_of_fast_gains():
@@ -235,6 +263,18 @@ def test_schedule_table_is_exact_and_holds_for_ever(recursion20, recursion63):
                 assert got[-1] == pytest.approx(exact[-1], rel=.01)
                 with pytest.raises(CertificateError):  # the table of one schedule for another
                     prove_schedule(m, H0, lead, (0, 0, 2, 1), table)
+
+
+def test_a_lap_that_forgets_everything_is_tabulated_exactly(recursion63, monkeypatch):
+    """Stays so long that one lap leaves nothing: no norm of the first lap is in the thresholds, nor in their proof."""
+    cycle = tuple(np.repeat([0, 1, 2], 12))
+    exact = residual_sets.thresholds(recursion63, cycle * 4, H63, FAN)
+    table = schedule_table(recursion63, (), cycle, H63, FAN, 2)
+    prove_schedule(recursion63, H63, (), cycle, table)
+    assert table.along(len(exact)) == pytest.approx(exact, rel=1e-5)
+    monkeypatch.setattr(set_schedule, "LAPS", 0)
+    loose = schedule_table(recursion63, (), cycle, H63, FAN, 2)
+    assert np.max(loose.along(len(exact)) / exact) > 1.05
 
 
 def test_blocks_hold_any_sequence_and_are_exact_in_the_first(recursion20, recursion63):

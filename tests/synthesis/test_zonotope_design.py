@@ -205,7 +205,7 @@ def chosen():
 
 def test_candidates_certify_in_both_number_types(chosen):
     made, said = chosen
-    assert [c.label.split(",")[0].split()[0] for c in made] == ["hinf", "hinf", "lambda", "lambda", "detection"]
+    assert [c.label.split(",")[0].split()[0] for c in made] == ["hinf"] * 2 + ["lambda"] * 4 + ["detection"]
     for c in made:
         assert c.kind == "luenberger" and not c.N.any() and c.L.shape == (3, 3, 2)
         for real in (np.float32, np.float64):
@@ -220,7 +220,9 @@ def test_the_pole_is_searched_for_the_threshold(chosen):
     """Neither end: within three samples poles near 1 see late and poles near 0 little; the best beats the grid."""
     made = [c for c in chosen[0] if c.label.startswith("lambda")]
     judge = ResidualJudge(PROBLEM, 3)
-    for c in made:
+    for c, fast in zip(made[::2], made[1::2], strict=True):
+        assert fast.label.startswith("lambda 0.05") and fast.proof["lyapunov"] == c.proof["lyapunov"]
+        assert c.figures["threshold"] < fast.figures["threshold"] <= zonotope.NEAR * c.figures["threshold"]
         pole = float(c.label.split()[1].strip(","))
         assert 0.05 < pole < 0.6
         assert judge(c.L, c.N) == c.figures["threshold"]

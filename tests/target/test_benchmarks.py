@@ -11,7 +11,7 @@ from helpers.tools import need
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import bound, cases, measure, ours, run, table, whole  # noqa: E402
+from benchmarks import bound, cases, measure, ours, run, sets, table, whole  # noqa: E402
 from benchmarks.rivals import RIVALS  # noqa: E402
 
 NAMES = ("casadi_sx", "loop_fixed", "sympy_c")
@@ -110,3 +110,51 @@ def test_committed_table_is_the_committed_measurement():
     assert set(found) == wanted and all(names == {"literal", "table", "loop", *RIVALS} for names in found.values())
     designs = {r["design"] for r in run.read(run.WHOLE)}
     assert designs <= {p.parent.name for p in whole.GENERATED.glob("*/design.json")} and len(designs) >= 6
+
+
+def test_committed_table_of_sets():
+    """SETS.md is what its CSV file says, its rows are of the walk, its goals are reached, promises are near."""
+    records = sets.read()
+    assert sets.render(records) == sets.TABLE.read_text(encoding="utf-8")
+    assert {r["name"] for r in records} <= {v.name for v in sets.chosen(False)}
+    assert set(sets.GOALS) == set(sets.goals(records))
+    made = [r for r in records if not r["reason"]]
+    assert len(made) >= 8 and all(int(r["instructions"]) > int(r["multiply"]) for r in made)
+    for r in made:
+        assert float(r["within"]) <= float(r["on"])
+        assert r["promised_on"] == "" or float(r["on"]) <= float(r["promised_on"]) * 1.05, r["name"]
+    reached = {kind: best <= goal for kind, (goal, best, _) in sets.goals(records).items()}
+    assert reached == dict.fromkeys(sets.GOALS, True)
+    worse = [r | {"on": "0.2"} if r["kind"] == "zonotope" else r for r in records]
+    assert "(missed)" in sets.render(worse).split("| zonotope | 0.058")[1].split("\n")[0]
+
+
+@pytest.mark.parametrize("folder", ["zammali_ellipsoid_ellipsoid"])
+def test_sizes_of_sets_are_sure_and_not_idle(folder):
+    """A step of the size found shows at its onset under any corner noise; one of a third of it may not."""
+    from codegen.designs import read_design
+
+    made = read_design(ROOT / "generated" / folder)
+    path = np.tile(np.repeat(np.arange(3), sets.DWELL), 5)[:sets.BEFORE + sets.ONSETS + sets.WITHIN + 1]
+    on, within = sets.sure(made, path)
+    assert 0.03 < within <= on < 0.2
+    rng, seen = np.random.default_rng(0), {1.0001: [], 0.33: []}
+    for share, found in seen.items():
+        for k in range(sets.BEFORE, sets.BEFORE + sets.ONSETS):
+            y = noisy(made.plant, path, k, share * on * rng.choice([-1.0, 1.0]), rng)
+            u = np.zeros((len(path), made.plant.n_u))
+            trace = made.observer.run(u, y, path)
+            assert not trace.raw_bits[:k].any()
+            found.append(bool(trace.raw_bits[k]))
+    assert all(seen[1.0001]) and not all(seen[0.33])
+
+
+def noisy(plant, path, onset, size, rng):
+    """Outputs under corner noise, from a corner of the initial box, without input; a step on the first channel."""
+    x, y = np.where(rng.random(plant.n_x) < 0.5, plant.x0_lo, plant.x0_hi), []
+    for k, q in enumerate(path):
+        m, f = plant.modes[q], size * (k >= onset)
+        w, v = (np.where(rng.random(len(lo)) < 0.5, lo, hi) for lo, hi in ((m.w_lo, m.w_hi), (m.v_lo, m.v_hi)))
+        y.append(m.C @ x + m.Dv @ v + m.Df[:, 0] * f)
+        x = m.A @ x + m.Bw @ w + m.Bf[:, 0] * f
+    return np.array(y)

@@ -1,12 +1,14 @@
 """libFuzzer with sanitizers finds nothing in the C, and finds what is planted in it."""
 
 import json
+import re
 import shutil
 
 import pytest
 from click.testing import CliRunner
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
+from helpers.kept import POINTS, at, family_of
 from helpers.scripts import GENERATED, prefix_of
 from helpers.tools import need
 
@@ -28,6 +30,27 @@ def test_committed_designs(folder):
     found = run(folder)
     require(found)
     assert found.runs == 50000 and found.edges > 80
+
+
+@pytest.mark.parametrize("family", ["ellipsoid", "thresholds"])
+def test_point_observers(family):
+    """The set online and as a table; of the others the same common part."""
+    found = run(next(at(f) for f in POINTS if family_of(f) == family), 2000)
+    require(found)
+    assert found.runs == 2000 and found.edges > 80
+
+
+@pytest.mark.parametrize("old,new", [
+    (r"\(s->since < \w+_ROWS\) \? s->since : \(\w+_ROWS - 1U\)", "s->since"),  # a spoilt state reads beyond a table
+    (r"out->x_hi\[i\] = ", "out->x_hi[i] = (radius[0] - radius[0]) / 0.0F + ")])  # bounds that are no numbers
+def test_mutants_of_a_point_observer(old, new, tmp_path):
+    folder = shutil.copytree(next(at(f) for f in POINTS if family_of(f) == "thresholds"), tmp_path / "mutant")
+    source = folder / f"{prefix_of(folder)}.c"
+    text, count = re.subn(old, new, source.read_text(), count=1)
+    assert count == 1
+    source.write_text(text)
+    found = run(folder, 20000)
+    assert found.crash and found.message
 
 
 @pytest.mark.parametrize("family,variant,layout,real", [("tnl", "unequal", "loop", "float64"),

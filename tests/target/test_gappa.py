@@ -12,9 +12,13 @@ import numpy as np
 import pytest
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
+from helpers.kept import KEPT, POINTS, at
+from helpers.scripts import GENERATED
 from helpers.tools import need
 
 from codegen import design as make
+from codegen.certify.exact import Q
+from codegen.certify.sets import SetDemands
 from codegen.designs import read_design
 from codegen.emit import files
 from codegen.emit.gappa import rounding
@@ -23,12 +27,12 @@ from codegen.emit.view import build
 from codegen.errors import ToolError, ValidationError
 from codegen.observers import FAMILIES
 from codegen.observers.framer import Variation, open_loop, propagate, residuals, scheduled
+from codegen.observers.point import blind, forward, residual
 from codegen.plant.load import gallery_names, load
 from codegen.plant.uncertain import is_uncertain
 from codegen.synthesis import METHODS
 from codegen.target.gappa import prove_rounding, require_rounding
 
-GENERATED = sorted(p.parent for p in (Path(__file__).resolve().parents[2] / "generated").glob("*/rounding_*.g"))
 REALS = ("float32", "float64")
 SMALL = 30  # sums: a larger script is proved in the number type of the plant file only
 PLANTS = [name for name in gallery_names() if load(name).modes and is_uncertain(load(name))
@@ -39,8 +43,8 @@ DEFINITION = r"(?m)^{} (?:r=|=)\n((?:    .*\n)*?    .*);$"
 
 def copy(folder, to, real=None, layout=None):
     """Copy a kept folder, with the script as it is printed now; return the copy and the script's path."""
-    design = read_design(folder)
-    made = Path(shutil.copytree(folder, to / "copy"))
+    design = read_design(at(folder))
+    made = Path(shutil.copytree(at(folder), to / "copy"))
     name = f"rounding_{design.plant.target.prefix}.g"
     (made / name).write_text(files(design, real, layout, measure=False)[name], encoding="ascii")
     return made, made / name
@@ -69,10 +73,10 @@ def put(text, to):
 
 def kept():
     """Every kept design in the plant file's type, those with a small script in the other type too."""
-    for folder in GENERATED:
-        (script,) = folder.glob("rounding_*.g")
-        own = json.loads((folder / "resources.json").read_text())["real"]
-        small = script.read_text().count(" r=\n") <= SMALL
+    for folder in KEPT:
+        made = folder in GENERATED
+        own = json.loads((folder / "resources.json").read_text())["real"] if made else "float32"
+        small = made and folder not in POINTS and next(folder.glob("rounding_*.g")).read_text().count(" r=\n") <= SMALL
         yield from (pytest.param(folder, real, id=f"{folder.name}-{real}") for real in REALS if real == own or small)
 
 
@@ -82,7 +86,8 @@ def test_every_kept_design_is_confirmed(folder, real, tmp_path):
     made, _ = copy(folder, tmp_path, real)
     result = prove_rounding(made)
     assert result.proved and not result.alarms, result.alarms
-    assert result.rows >= 2 * (2 * read_design(folder).plant.n_x + 1) and result.version.startswith("1")
+    n_x = read_design(at(folder)).plant.n_x
+    assert result.rows >= (2 * n_x + 1) * (1 if folder in POINTS else 2) and result.version.startswith("1")
 
 
 @pytest.mark.parametrize("plant", PLANTS)
@@ -148,7 +153,7 @@ def only(text, names):
 
 
 @pytest.mark.parametrize("wrong", [shrink, widen, change])
-@pytest.mark.parametrize("folder", GENERATED, ids=lambda f: f.name)
+@pytest.mark.parametrize("folder", KEPT, ids=lambda f: f.name)
 def test_what_is_wrong_is_not_confirmed(folder, wrong, tmp_path):
     """One row of each design, another one for each mistake; without the mistake it is confirmed."""
     need("gappa")
@@ -281,6 +286,33 @@ def test_script_is_about_the_sums_of_the_reference(case, real):
             checked += 1
     n_modes, n_x, n_y = len(design.plant.modes), len(t.box), len(t.y_lo)
     assert checked == n_modes * 2 * (2 * n_x + n_y)
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("folder", POINTS, ids=lambda f: f.name)
+def test_script_of_points_is_about_the_sums_of_the_reference(folder, real):
+    """The same of estimate and residual; the margin of each sum is what the set holds for it, rounded down."""
+    design = read_design(at(folder))
+    t, prefix, rng = design.observer.tables[real], design.plant.target.prefix, np.random.default_rng(2)
+    text, uncut = script_of(design, real), replace(t, box=t.box * 0 + np.inf)
+    x = rng.uniform(-t.box, t.box)[None].astype(real)
+    u, y, y_next = (rng.uniform(-1, 1, (1, n)).astype(real) for n in (len(t.u_lo), len(t.y_lo), len(t.y_lo)))
+    values = {f"{s}_{v}_{j}": a for s, v, row in (("s", "x_hat", x), ("out", "x_hat", x), ("s", "u", u), ("in", "u", u),
+                                                 ("s", "y", y), ("in", "y", y_next)) for j, a in enumerate(row[0])}
+    checked, demands = 0, SetDemands(design.plant.observed.modes, t)
+    for row in re.finditer(rf'(?m)^# .*, mode (.*): margin .*\n({prefix}_(\w+?)_(\d+)_mode_\d+) r=$', text):
+        modes, name, which, i = row.groups()
+        margin = re.search(rf"exact_{name}\| <= (\S+)", text)[1]
+        for q, mode in enumerate(design.plant.modes):
+            if f'"{mode.name}"' not in modes:
+                continue
+            at_q = np.array([q])
+            result = {"forward": lambda p: forward(uncut, p, x, u, y, y_next), "blind": lambda p: blind(uncut, p, x, u),
+                      "residual": lambda p: residual(t, p, x, u, y_next)}[which](at_q)
+            assert evaluate(text, name, values, np.dtype(real).type) == result[0, int(i)], name
+            assert 0 <= Q(float.fromhex(margin)) <= demands.rounding(q, which)[int(i)]
+            checked += 1
+    assert checked == len(design.plant.modes) * (2 * len(t.box) + len(t.y_lo))
 
 
 def test_the_mean_of_a_parameter_is_that_of_the_reference():

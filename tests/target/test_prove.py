@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from helpers.designs import GUARDED, stand_in
 from helpers.folders import write
+from helpers.kept import KEPT, POINTS, at, family_of
+from helpers.scripts import prefix_of
 from helpers.tools import need
 
 from codegen.designs import read_design
@@ -14,7 +16,6 @@ from codegen.emit import files
 from codegen.errors import ToolError, ValidationError
 from codegen.target.prove import judge, prove, require
 
-GENERATED = sorted(p.parent for p in (Path(__file__).resolve().parents[2] / "generated").glob("*/prove_*.c"))
 SMALL = {"sizes": (2, 2, 1, 2), "supervision": GUARDED}
 # Layouts and types take turns in both families; one with a clamp, one with a debounce of any window.
 KINDS = [("tnl", layout, real, {}) for layout in ("literal", "table", "loop") for real in ("float32", "float64")]
@@ -29,21 +30,22 @@ def rewrite(folder, name, pattern, text, count=1):
     (folder / name).write_text(changed)
 
 
-@pytest.mark.parametrize("folder", GENERATED, ids=lambda f: f.name)
+@pytest.mark.parametrize("folder", KEPT, ids=lambda f: f.name)
 def test_every_kept_design_is_proved(folder, tmp_path):
     """The committed C is what is proved, with the harness as it is printed now."""
     need("frama-c")
-    design = read_design(folder)
+    design = read_design(at(folder))
     prefix = design.plant.target.prefix
-    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
+    copy = Path(shutil.copytree(at(folder), tmp_path / "copy"))
     name = f"prove_{prefix}.c"
     (copy / name).write_text(files(design, measure=False)[name], encoding="ascii")
     result = prove(copy)
     assert result.proved, result.alarms
     # Of zammali_lpv_dt Eva proves that no framer can reach the ends of the ranges: the cut has nothing to do.
-    assert result.coverage >= (99 if "zammali_lpv_dt" in prefix else 100)
+    # Of point observers it proves that no index of the set needs its guard against an upset of the memory.
+    assert result.coverage >= (99 if "zammali_lpv_dt" in prefix or folder in POINTS else 100)
     assert result.seconds > 0 and result.version.startswith("2")
-    assert result.properties["state_is_in_box"] >= 2 * design.plant.n_x
+    assert result.properties["state_is_in_box"] >= (1 if folder in POINTS else 2) * design.plant.n_x
     assert {f"{prefix}_{call}" for call in ("init", "step", "predict", "reset")} <= set(result.properties)
 
 
@@ -77,6 +79,24 @@ def test_what_is_wrong_is_not_proved(mutant, family, tmp_path):
     assert not result.proved and any(re.search(words, alarm) for alarm in result.alarms), result.alarms
     with pytest.raises(ValidationError, match="not proved"):
         require(result)
+
+
+POINT_MUTANTS = {  # family, what of the C, what instead, what Eva says
+    "a sum starts anywhere": ("zonotope", r"key\[j\] = 0\.0F;", "", "initialized"),
+    "a number of any size": ("ellipsoid", r"factor\[p\] \*", "3e38F *", "is_finite"),
+    "a count without end": ("thresholds", r"else if \(s->since < \d+U\)", "else if (true)", "s->since"),
+    "estimates go anywhere": ("thresholds", r"\w+_cut\(out->x_hat\);", "", "x_hat"),
+}
+
+
+@pytest.mark.parametrize("mutant", POINT_MUTANTS)
+def test_what_is_wrong_of_a_set_is_not_proved(mutant, tmp_path):
+    need("frama-c")
+    family, pattern, text, words = POINT_MUTANTS[mutant]
+    folder = shutil.copytree(at(next(f for f in POINTS if family_of(f) == family)), tmp_path / "copy")
+    rewrite(folder, f"{prefix_of(folder)}.c", pattern, text, 0)
+    result = prove(folder)
+    assert not result.proved and any(re.search(words, alarm) for alarm in result.alarms), result.alarms
 
 
 def test_weak_mode_guard_reads_beyond_a_table(tmp_path):

@@ -5,6 +5,7 @@ import pytest
 import scipy.optimize
 import scipy.signal
 
+from codegen.errors import PlantError
 from codegen.plant.load import gallery_folder, gallery_names, load, loads, starter
 from codegen.plant.model import Fault
 from codegen.plant.objects import plant_from
@@ -99,6 +100,20 @@ def test_switching_forms():
     assert (minimum.average_dwell, minimum.chatter, minimum.known) == (2.0, 1.0, True)
     average = loads(text(COMMON + "[switching]\naverage_dwell = 2\nchatter = 3\nknown = false\n")).switching
     assert (average.average_dwell, average.chatter, average.known) == (2.0, 3.0, False)
+
+
+def test_a_schedule_is_one_period():
+    said = 'schedule = { every = 2, order = ["a", "b", "a"] }\n'
+    modes = "".join(f'[[mode]]\nname = "{name}"\nA = [[0.5, 0], [0, 0.5]]\n' for name in "ab")
+    plant = loads(text("[common]\nC = [[0, 1]]\n" + modes + "[switching]\n" + said))
+    assert plant.switching.schedule == (0, 0, 1, 1, 0, 0)
+    for wrong, message in (('[[0, "a"]]', "is a list .*every = 1"), ('{ every = 0, order = ["a"] }', "every >= 1"),
+                           ('{ every = 2, order = ["c"] }', '"c"'),
+                           ('{ every = 200, order = ["a", "b"] }', "has 400 samples .expected at most 256"),
+                           ('{ every = 2, order = ["a", "b", "a"] }\nminimum_dwell = 3',
+                            "has a stay of 1 s .expected at least the minimum_dwell of 3 s")):
+        with pytest.raises(PlantError, match=f"switching.schedule.*{message}"):
+            loads(text("[common]\nC = [[0, 1]]\n" + modes + "[switching]\nschedule = " + wrong))
 
 
 def test_target_defaults_and_extensions():

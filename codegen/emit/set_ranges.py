@@ -1,0 +1,131 @@
+"""What the members of the state that hold an error set may be, for the Frama-C harness; one entry per family.
+
+A new family whose state has words of its own, or numbers that its limits do not bound, adds a function to ``RANGES``:
+tables -> ``Ranges``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import EmitError
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Ranges of the members of a set.
+
+    Parameters
+    ----------
+    numbers : dict
+        Member -> (least, most), arrays in the member's order. Eva starts from them and does not show that they stay.
+    words : dict
+        Member -> largest value, which Eva shows to stay.
+    about : tuple of str
+        Lines that say what keeps the numbers there.
+    """
+
+    numbers: dict
+    words: dict
+    about: tuple[str, ...]
+
+
+NONE = Ranges({}, {}, ())
+
+
+def of(family: str, t, members: dict[str, str]) -> Ranges:
+    """Return the ranges of a family's own members.
+
+    Parameters
+    ----------
+    family : str
+    t : PointTables
+    members : dict
+        Name -> C type of each member of the state that not every observer has.
+
+    Returns
+    -------
+    Ranges
+        Of a family that is not listed: every vector of one number per state within its limits.
+
+    Raises
+    ------
+    EmitError
+        A member has no range.
+    """
+    made = RANGES.get(family, within_limits)(t, members)
+    unknown = [name for name in members if name not in made.numbers and name not in made.words]
+    if unknown:
+        raise EmitError(f"{family}: members {', '.join(unknown)} of the state have no range for Frama-C (expected one "
+                        "each). Add the family to codegen/emit/set_ranges.py.")
+    return made
+
+
+def within_limits(t, members: dict[str, str]) -> Ranges:
+    """Half widths, each compared with its limit."""
+    numbers = {name: (-t.limit, t.limit) for name, kind in members.items() if kind != "uint32_t"}
+    return Ranges(numbers, _origin(t), ("Each half width of the set has been compared with its limit when a call ends. "
+                                        "From there", "Eva shows that all stays finite."))
+
+
+def zonotope(t, members: dict[str, str]) -> Ranges:
+    """Each number of a generator is at most what the sum of its row may be."""
+    most = np.tile(t.limit, t.shape.columns)
+    return Ranges({"shape": (-most, most)}, _origin(t),
+                  ("The generators' sum of magnitudes in a row has been compared with its limit when a call ends,",
+                   "and sums of magnitudes, rounded to nearest, are no smaller than any of their terms: that keeps",
+                   "each number of a generator there. From there Eva shows that all stays finite."))
+
+
+def ellipsoid(t, members: dict[str, str]) -> Ranges:
+    """Each diagonal is at most what a tangent of its root lets pass, the others at most their geometric mean."""
+    z = t.shape
+    limit, slope, offset = (np.asarray(a, dtype=float) for a in (t.limit, z.a, z.b))
+    square = np.max(np.maximum(limit * (1 + 1e-6) - offset, 0) / slope, axis=0) * (1 + 1e-6)
+    return _shapes(t, np.sqrt(square))
+
+
+def ellipsoid_trace(t, members: dict[str, str]) -> Ranges:
+    """The same; a root is no smaller than that of its number."""
+    return _shapes(t, np.asarray(t.limit, dtype=float) * (1 + 1e-6))
+
+
+def _shapes(t, root: Array) -> Ranges:
+    """Of a shape whose diagonal has these roots at most."""
+    most = (root[:, None] * root * (1 + 1e-6)).astype(t.dtype)
+    least = -most
+    np.fill_diagonal(least, 0.0)
+    return Ranges({"shape": (least.ravel(), most.ravel())}, _origin(t),
+                  ("The shape stays positive semidefinite (residua certify proves that what a step adds holds its",
+                   "rounding) and its diagonal has been compared with the limits when a call ends: that keeps its",
+                   "numbers there. From there Eva shows that all stays finite."))
+
+
+def thresholds(t, members: dict[str, str]) -> Ranges:
+    """Stage and count."""
+    return Ranges({}, {"stage": len(t.shape.h) - 1, "since": t.shape.cap}, ())
+
+
+def schedule(t, members: dict[str, str]) -> Ranges:
+    """Place in the schedule, and count."""
+    return Ranges({}, {"phase_at": len(t.shape.cycle), "since": t.shape.settled}, ())
+
+
+def blocks(t, members: dict[str, str]) -> Ranges:
+    """Each number of a generator is at most what the sum of its row may be."""
+    most, words = np.tile(t.shape.most, t.shape.order), {"since": t.shape.longest, "block": len(t.A) - 1}
+    return Ranges({"shape": (-most, most)}, words | dict.fromkeys(("origin", "before"), t.origins - 1),
+                  ("The generators' sum of magnitudes in a row has been compared with its limit when a call ends,",
+                   "which keeps each number of a generator there. From there Eva shows that all stays finite."))
+
+
+def _origin(t) -> dict:
+    return {"origin": t.origins - 1} if t.kind == "tnl" else {}
+
+
+RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
+          "blocks": blocks, "ellipsoid_trace": ellipsoid_trace}
