@@ -25,5 +25,5 @@ FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": Zonoto
 __all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
            "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables",
            "IntervalObserver", "PointObserver", "PointTables", "PointTrace", "Runner", "ScheduleObserver",
-           "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables",
-           "Variation", "ZonotopeObserver", "ZonotopeTables"]
+           "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace",
+           "TraceTables", "Variation", "ZonotopeObserver", "ZonotopeTables"]
