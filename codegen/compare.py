@@ -102,7 +102,7 @@ def variants(orders: Sequence[int] = ()) -> list[Variant]:
     """
     found = []
     for name, method in METHODS.items():
-        if method.framers or method.estimates_mode:
+        if not method.sets:
             found.append(Variant(name, name, {}))
             continue
         for kind in SETS["set"]:
@@ -238,6 +238,8 @@ def dwell_of(made: Design) -> float:
     cert, t = made.certificate[made.plant.target.real], made.observer.tables[made.plant.target.real]
     if isinstance(t, ModeTables):
         return float(t.ages + 1)
+    if cert["kind"] == "filter":
+        return cert["dwell_add"] / cert["dwell_drain"] if cert["dwell_add"] else 0.0
     table = getattr(getattr(t, "shape", None), "dwell", 1)
     proof = limited(cert) if cert["kind"] in ("linf", "hinf") else None
     return max(0.0 if table == 1 else float(table), 0.0 if proof is None else float(proof[0]))

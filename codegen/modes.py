@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 from .certify import mode_certificate
 from .designs import Design, claims_of
@@ -62,10 +63,8 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
     tables, certs = {wanted: t}, {wanted: cert}
     other = "float64" if wanted == "float32" else "float32"
     progress(f"{name}: delays of every pair of modes ({other})")
-    try:
+    with suppress(CertificateError):  # the other number type may be too coarse; generate says so when asked for it
         tables[other], certs[other] = certified(plant, options, other, t.ages, cert["widths"])
-    except CertificateError:
-        pass  # the other number type may be too coarse; generate says so when asked for it
     tables, certs = ({real: by[real] for real in ("float32", "float64") if real in by} for by in (tables, certs))
     target = plant.target
     supervision = Supervision(debounce=target.debounce, latch=target.latch, recover=target.recover, hold=target.hold)

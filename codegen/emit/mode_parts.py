@@ -19,12 +19,10 @@ Array = np.ndarray
 class ModeView:
     """Sizes, and the tables of each function.
 
-    ``numbers`` is the length of the state's boxes at one side, ``feeds`` D where it is not zero, ``driven`` and
-    ``jump_driven`` what inputs do in a period and in one with a switch. ``inputs`` holds the macro of n_u, or nothing
-    without; ``unread`` then the parameter that is not read.
+    ``feeds`` is D where it is not zero, ``driven`` and ``jump_driven`` what inputs do in a period and in one with a
+    switch. ``inputs`` holds the macro of n_u, or nothing without; ``unread`` then the parameter that is not read.
     """
 
-    numbers: int
     sizes: tuple[Size, ...]
     limit: Table
     start: tuple[Table, ...]
@@ -71,7 +69,8 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
         noun="boxes", header="mode.h.jinja", self_test="harness/test_mode.c.jinja",
         bits=(Bit("NO_MODE", "0x1U", "no mode explains the measurements"),), maps=(), state=state,
         out_fields=tuple(Field(*f) for f in out_fields(names)), operations=operations(t), cuts=(), start=(),
-        whole_range=(), crossed=(), late=(), move=Move("", ""), sets=(view(t, names, count),), told=False)
+        whole_range=(), crossed=(), late=(), move=Move("", ""), sets=(view(t, names, count),),
+        lengths=(("NSHAPE", count),), told=False)
 
 
 def out_fields(names: Names) -> tuple[Member, ...]:
@@ -125,7 +124,7 @@ def view(t, names: Names, count: int) -> ModeView:
 
     x, xx, xu = f"[{m}_NX]", f"[{m}_NX][{m}_NX]", f"[{m}_NX][{m}_NU]"
     return ModeView(
-        numbers=count, sizes=sizes, limit=vector("limit", t.limit),
+        sizes=sizes, limit=vector("limit", t.limit),
         start=(vector("least", t.start_lo), vector("most", t.start_hi)),
         wide=(vector("least", t.wide_lo), vector("most", t.wide_hi)),
         noise=(vector("v_lo", t.v_lo, "NY"), vector("v_hi", t.v_hi, "NY")),

@@ -97,7 +97,7 @@ def _members(d: DesignView, fields) -> list[list]:
     """Describe a struct as [name, "real" or "uint32", number of elements]."""
     sizes = {"NX": d.x, "MODES": d.modes, "NU": d.u, "NY": d.y, "NTHETA": d.theta, "BITS": d.bits}
     counts = {f"[{d.macro}_{name}]": len(channels) for name, channels in sizes.items()} | {"": 1}
-    counts |= {f"[{d.macro}_NSHAPE]": z.numbers for z in d.sets}
+    counts |= {f"[{d.macro}_{name}]": n for name, n in d.lengths}
     return [[f.name, "uint32" if f.type == "uint32_t" else "real", counts[f.size]] for f in fields]
 
 

@@ -88,8 +88,9 @@ class Size:
 class Parts:
     """The part of ``DesignView`` that depends on the family; ``noun`` is what a fault spoils, in words.
 
-    ``header`` and ``self_test`` are templates, ``sets`` is the error set of a point observer, or what a mode
-    estimator has in its place, or nothing. ``told``: the mode is an input.
+    ``header`` and ``self_test`` are templates, ``sets`` is the error set of a point observer, or what a filter or a
+    mode estimator has in its place, or nothing; ``lengths`` are macros of sizes that are not those of x, u and y.
+    ``told``: the mode is an input.
     """
 
     noun: str
@@ -107,6 +108,7 @@ class Parts:
     late: tuple[Late, ...]
     move: Move
     sets: tuple[object, ...] = ()
+    lengths: tuple[tuple[str, int], ...] = ()
     told: bool = True
 
 

@@ -5,6 +5,7 @@ from .box import BoxObserver, BoxTables
 from .coordinates import Coordinates
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
 from .ellipsoid_trace import EllipsoidTraceObserver, TraceTables
+from .filter import FilterObserver, FilterTables
 from .framer import FramerTables, Variation
 from .interval import IntervalObserver
 from .mode_observer import ModeObserver, ModeTrace
@@ -15,16 +16,16 @@ from .schedule import ScheduleObserver, ScheduleTables
 from .supervisor import Supervision
 from .thresholds import ThresholdObserver, ThresholdTables
 from .tnl import TnlObserver
-from .trace import PointTrace, Trace
+from .trace import FilterTrace, PointTrace, Trace
 from .zonotope import ZonotopeObserver, ZonotopeTables
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
             "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
-            "mode": ModeObserver}
+            "filter": FilterObserver, "mode": ModeObserver}
 
 __all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
-           "EllipsoidTables", "EllipsoidTraceObserver", "FramerTables", "IntervalObserver", "ModeObserver",
-           "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace", "Runner",
-           "ScheduleObserver", "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables",
+           "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables",
+           "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
+           "Runner", "ScheduleObserver", "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables",
            "TnlObserver", "Trace", "TraceTables", "Variation", "ZonotopeObserver", "ZonotopeTables"]

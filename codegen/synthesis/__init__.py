@@ -5,7 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import ModuleType
 
-from . import component_interval, ellipsoid, interval, lpv_interval, mode_set, tnl_interval, tnl_interval_lpv, zonotope
+from . import (
+    component_interval,
+    ellipsoid,
+    fault_filter,
+    interval,
+    lpv_interval,
+    mode_set,
+    tnl_interval,
+    tnl_interval_lpv,
+    zonotope,
+)
 from .framers import OPTIONS, check_options
 
 
@@ -36,8 +46,13 @@ class Method:
 
     @property
     def framers(self) -> bool:
-        """Whether the observer is a pair of framers; else an estimate with an error set."""
+        """Whether the observer is a pair of framers."""
         return self.family in ("interval", "tnl")
+
+    @property
+    def sets(self) -> bool:
+        """Whether it is an estimate with an error set, which the options ``SETS`` choose."""
+        return not (self.framers or self.estimates_mode or self.family == "filter")
 
     @property
     def estimates_mode(self) -> bool:
@@ -74,6 +89,8 @@ METHODS = {
                        "Zammali (2020), Theorems 19, 20", zonotope, automatic=False),
     "ellipsoid": Method(("discrete switched",), "ellipsoid", "point observer, residual set an ellipsoid",
                         "Zammali (2020), Theorem 21", ellipsoid, automatic=False),
+    "hinf-filter": Method(("discrete switched", "discrete LPV"), "filter", "filter that estimates faults, H-infinity",
+                          "Farhat, Koenig (2016)", fault_filter, automatic=False),
     "mode-set": Method(("continuous switched, mode unknown",), "mode", "the modes that are still possible",
                        "own; task of Zammali (2020), chapter 4", mode_set, automatic=False),
 }
@@ -89,7 +106,7 @@ def known_options(methods: list[str]) -> dict:
     known: dict = {}
     for name in methods:
         entry = METHODS[name]
-        own = OPTIONS if entry.framers else ({} if entry.estimates_mode else SETS) | entry.module.OPTIONS
+        own = OPTIONS if entry.framers else (SETS if entry.sets else {}) | entry.module.OPTIONS
         for key, allowed in own.items():
             words = isinstance(allowed, tuple) and isinstance(allowed[0], str)
             known[key] = tuple(dict.fromkeys((*known.get(key, ()), *allowed))) if words else allowed

@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 
 from ..algebra.dwell import ratio, shortest
 from ..errors import DesignError
-from .framers import POLYTOPIC, UNTOLD
+from .framers import POLYTOPIC, UNTOLD, through_reason
 from .problem import Problem
 
 Array = np.ndarray
@@ -184,6 +184,8 @@ def common_reason(plant) -> str | None:
         return POLYTOPIC
     if not plant.switching.known:
         return UNTOLD
+    if (reason := through_reason(plant)) is not None:
+        return reason
     if plant.kind != "discrete":
         return "the plant is continuous, expected discrete. Use method \"lpv-interval\"."
     if plant.theta:
