@@ -23,7 +23,8 @@ ROOT = Path(__file__).resolve().parents[2]
 START = template_root() / "harness" / "board"
 CART = ROOT / "generated" / "cart_tnl-interval"
 #: Designs whose set is carried on in every sample; tables look up a row, which depends on time and modes.
-STEADY = ("zammali_box_ellipsoid", "zammali_ellipsoid_ellipsoid", "zammali_trace_ellipsoid", "zammali_zonotope_zonotope")
+STEADY = ("zammali_box_ellipsoid", "zammali_ellipsoid_ellipsoid", "zammali_trace_ellipsoid",
+          "zammali_zonotope_zonotope")
 spec = importlib.util.spec_from_file_location("c_tests_budgets", ROOT / "c_tests" / "budgets.py")
 budgets = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(budgets)
@@ -104,7 +105,7 @@ def test_ordinary_steps_of_sets_take_the_same_number_of_instructions(arm, folder
 
 
 def test_an_early_exit_is_seen_in_the_instructions(arm, tmp_path):
-    """The same answers, bit for bit, but a test of membership that ends as soon as the residual is known to be inside."""
+    """The same answers, bit for bit, but a test of membership that ends once the residual is known to be inside."""
     folder = shutil.copytree(ROOT / "generated" / "zammali_zonotope_zonotope", tmp_path / "zonotope")
     source = folder / "zammali_zonotope.c"
     text, count = re.subn(r"( +most \+= zammali_zonotope_size\(along\);)",
