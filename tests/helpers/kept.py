@@ -51,3 +51,5 @@ OWN = {json.loads((f / "resources.json").read_text(encoding="ascii"))["family"] 
 KEPT = [*GENERATED, *(HOME / family for family in FAMILIES if family not in OWN and family in MADE)]
 POINTS = [f for f in KEPT if f not in GENERATED or (json.loads((f / "design.json").read_text())["tables"]["float32"]
                                                    .get("shape"))]
+#: Those of families whose assurance is stated, and whose C is therefore read back and proved.
+STATED = [f for f in KEPT if FAMILIES[family_of(f)].stated]
