@@ -49,9 +49,9 @@ def plant() -> Plant:
 
 
 def chosen(quick: bool) -> list[Variant]:
-    """Return the rows: all that take the plant, or the cheapest set of each kind of one method."""
+    """Return the rows: all with residuals that take the plant, or the cheapest set of each kind of one method."""
     able = [v for v in variants(ORDERS) if METHODS[v.method].module.inapplicable(plant()) is None
-            and v.method != STATE_FAULTS]
+            and (METHODS[v.method].framers or METHODS[v.method].sets) and v.method != STATE_FAULTS]
     return [v for v in able if v.method == "ellipsoid" and v.options.get("order", 5) == 5] if quick else able
 
 
