@@ -1,10 +1,10 @@
-"""Surely detected faults of a point observer whose set is carried online, for any mode sequence.
+"""Surely detected faults of a point observer, for any mode sequence: of each set by its own way.
 
-Once settled the hull of the error set is in the box of the certificate and stays there, so no residual bound exceeds
-``B = |C| box + |V| + rho``, one step later ``|C M| box + |C F| + |V| + rho``, and no fault-free residual does. A step
-of size f is found within D samples where the response of some residual at some sample up to then exceeds 2 B / f,
-whatever disturbance, noise and modes do. The firmware's set lies inside these bounds, mostly well inside: smaller
-faults are found as well, without a promise.
+Sets that ``sure_faults`` can follow are left to it. Of a set carried from block to block: once settled the hull of the
+error set is in the box of the certificate and stays there, so no bound in a direction exceeds B, what the tables make
+of that box, and no fault-free residual does. A step of size f is found within D samples where the response of some
+residual at some sample up to then exceeds 2 B / f, whatever disturbance, noise and modes do. The firmware's set lies
+inside these bounds, mostly well inside: smaller faults are found as well, without a promise.
 """
 
 from __future__ import annotations
@@ -13,9 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from ..algebra.error_set import ErrorRecursion
-from . import set_detectability, sure_faults
-from .set_tables import DwellTable
+from . import sure_faults
 
 Array = np.ndarray
 #: Upper limit on the mode sequences looked at; delays beyond are left out.
@@ -45,9 +43,8 @@ def thresholds(plant, t, cert: dict, within: int) -> Array:
     out = np.full((plant.n_f, within + 1), np.inf)
     if not cert.get("steady_box"):
         return out
-    D = t.shape.directions.astype(float) if cert["set"] == "blocks" else np.eye(plant.n_y)
-    bounds = block_bounds(t, cert, len(D)) if cert["set"] == "blocks" else settled_bounds(t, cert)
-    first, later = (2.0 * b for b in bounds)
+    D = t.shape.directions.astype(float)
+    first, later = (2.0 * b for b in block_bounds(t, cert, len(D)))
     modes = plant.observed.modes
     while plant.n_modes ** (within + 2) > MOST_SEQUENCES and within > 0:
         within -= 1
@@ -64,29 +61,6 @@ def thresholds(plant, t, cert: dict, within: int) -> Array:
         out[j, within:] = worst[within]
     # The recursion runs in double precision; a part in a million covers its own rounding generously.
     return out * (1.0 + 1e-6)
-
-
-def tabulated(plant, t, cert: dict, within: int) -> Array:
-    """The same for a table of thresholds: the worst over modes, samples since a switch and what may follow.
-
-    "Settled" is told by the width of the bounds of x: of all rows that are no wider the largest thresholds count.
-    """
-    z, modes = t.shape, plant.observed.modes
-    A, C, L, N = (getattr(t, k).astype(float) for k in "MCLN")
-    stack = {k: np.stack([getattr(m, k) for m in modes]) for k in ("A", "Bf", "Df")}
-    faults = set_detectability.fault_inputs(stack["A"], C, L, stack["Bf"], stack["Df"], N if t.kind == "tnl" else None)
-    none = np.zeros((plant.n_modes + 1, plant.n_modes, plant.n_x, 0))
-    m = ErrorRecursion(A, C, none, np.zeros((plant.n_modes + 1, plant.n_modes, plant.n_y, 0)), ())
-    width = np.array(cert["steady_box"]["width"])
-    settled = np.all(2 * z.hx.astype(float) <= width, axis=3)
-    h = np.where(settled[..., None], z.h.astype(float), 0.0).max(axis=0)
-    table = DwellTable(z.directions.astype(float), h[None], np.zeros((1, plant.n_modes, plant.n_x)), A, z.dwell, 0)
-    out = np.full((plant.n_f, within + 1), np.inf)
-    for j in range(plant.n_f):
-        found = set_detectability.surely_detected(m, faults, table, j, within).by_delay.max(axis=(0, 1))
-        out[j, :len(found)] = np.minimum.accumulate(found)
-        out[j, len(found):] = out[j, len(found) - 1]
-    return out
 
 
 def along_schedule(plant, t, within: int) -> Array:
@@ -106,26 +80,8 @@ def along_schedule(plant, t, within: int) -> Array:
     return out * (1.0 + 1e-6)
 
 
-def settled_bounds(t, cert: dict) -> tuple[Array, Array]:
-    """Largest r_bound of each mode once settled, (N, n_y), and one step of mode p later in mode q, (N, N, n_y).
-
-    The width that "settled" is measured by holds the noise in the estimate too, which depends on the mode: the box is
-    scaled so that it covers any share of it. (A scaled box is kept as the box itself is.)
-    """
-    z, C, M = t.shape, t.C.astype(float), t.M.astype(float)
-    half, e = np.array(cert["steady_box"]["half"]), z.e.astype(float)
-    most = np.array(cert["steady_box"]["width"]) / 2 - z.spread.astype(float).min(axis=0)
-    half = half * np.max(most / half)
-    rest = np.abs(z.V.astype(float)).sum(axis=3).max(axis=1) + z.rho.astype(float)
-    room = (1.0 + float(z.slack)) ** 2
-    first = np.abs(C) @ half + rest
-    added = np.abs(np.einsum("qyx,poxc->pqoyc", C, z.F.astype(float))).sum(axis=4).max(axis=2)
-    carried = np.abs(np.einsum("qyx,pxz->pqyz", C, M)) @ (half + e)
-    return first * room, (carried + added + rest + np.abs(C) @ e) * room
-
-
 def block_bounds(t, cert: dict, count: int) -> tuple[Array, Array]:
-    """The same of a set carried from block to block, in its directions: (N, m) and (N, N, m)."""
+    """Largest bounds of each mode once settled, (N, m), and one step of mode p later in mode q, (N, N, m)."""
     z, half = t.shape, np.array(cert["steady_box"]["half"])
     reach = np.abs(z.rows.astype(float)) @ half + z.scalars.astype(float).max(axis=0)
     own = z.noise.astype(float).max(axis=0)[:, :count] + reach[:, 1:].max(axis=(0, 1))[:count]  # 0: only at a start
