@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.designs import VARIANTS, stand_in
-from helpers.kept import KEPT, POINTS, at
+from helpers.kept import POINTS, STATED, at
 
 import codegen
 from codegen.assurance import document
@@ -30,8 +30,8 @@ from codegen.pipeline import check_assurance
 from codegen.plant.load import gallery_folder, load
 
 GENERATED = Path(__file__).resolve().parents[2] / "generated"
-FOLDERS = [f for f in KEPT if f not in POINTS]  # of pairs of framers
-names = pytest.mark.parametrize("folder", KEPT, ids=lambda f: f.name)
+FOLDERS = [f for f in STATED if f not in POINTS]  # of pairs of framers
+names = pytest.mark.parametrize("folder", STATED, ids=lambda f: f.name)
 
 
 @cache

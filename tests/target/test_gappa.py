@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
-from helpers.kept import KEPT, POINTS, at
+from helpers.kept import POINTS, STATED, at
 from helpers.scripts import GENERATED
 from helpers.tools import need
 
@@ -73,7 +73,7 @@ def put(text, to):
 
 def kept():
     """Every kept design in the plant file's type, those with a small script in the other type too."""
-    for folder in KEPT:
+    for folder in STATED:
         made = folder in GENERATED
         own = json.loads((folder / "resources.json").read_text())["real"] if made else "float32"
         small = made and folder not in POINTS and next(folder.glob("rounding_*.g")).read_text().count(" r=\n") <= SMALL
@@ -153,7 +153,7 @@ def only(text, names):
 
 
 @pytest.mark.parametrize("wrong", [shrink, widen, change])
-@pytest.mark.parametrize("folder", KEPT, ids=lambda f: f.name)
+@pytest.mark.parametrize("folder", STATED, ids=lambda f: f.name)
 def test_what_is_wrong_is_not_confirmed(folder, wrong, tmp_path):
     """One row of each design, another one for each mistake; without the mistake it is confirmed."""
     need("gappa")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from helpers.designs import GUARDED, stand_in
 from helpers.folders import write
-from helpers.kept import KEPT, POINTS, at, family_of
+from helpers.kept import POINTS, STATED, at, family_of
 from helpers.scripts import prefix_of
 from helpers.tools import need
 
@@ -30,7 +30,7 @@ def rewrite(folder, name, pattern, text, count=1):
     (folder / name).write_text(changed)
 
 
-@pytest.mark.parametrize("folder", KEPT, ids=lambda f: f.name)
+@pytest.mark.parametrize("folder", STATED, ids=lambda f: f.name)
 def test_every_kept_design_is_proved(folder, tmp_path):
     """The committed C is what is proved, with the harness as it is printed now."""
     need("frama-c")
