@@ -190,7 +190,7 @@ def render(records: Sequence[dict]) -> str:
         "  The response has to exceed twice the firmware's own set (the width of an interval), asked of its own test.",
         "- Promised: what the certificate says, for every mode sequence with that dwell time; within 3 samples. It may",
         "  be below f_on where noise alone cannot fill the firmware's set: f_on counts the set twice.",
-        "- Multiply-adds: of the dearest step. Instructions: of the dearest ordinary step of the self-test, in QEMU.",
+        "- Multiply-adds: of the dearest call. Instructions: of the dearest ordinary step of the self-test, in QEMU.",
         ""]
     lines += ["| kind of set | goal for f_on | reached | by |", "|---|--:|--:|---|"]
     lines += [f"| {kind} | {goal:g} | {reached:.3g}{'' if reached <= goal else ' (missed)'} | {name} |"

@@ -63,12 +63,15 @@ class Move:
 
 @dataclass(frozen=True)
 class Operations:
-    """Floating-point operations of the dearest step."""
+    """Floating-point operations of the dearest call."""
 
     multiply: int
     add: int
     compare: int
     divide: int = 0
+
+    def __add__(self, other: Operations) -> Operations:
+        return Operations(*(int(a + b) for a, b in zip(vars(self).values(), vars(other).values())))
 
     def counts(self) -> dict[str, int]:
         """By name, divisions where there are any."""

@@ -294,5 +294,5 @@ def _windows(s, prefix: str) -> tuple[Window, ...]:
 def _resources(size: int, operations: Operations) -> tuple[str, ...]:
     divisions = f"{operations.divide} divisions, " if operations.divide else ""
     return (f"state: {size} bytes per instance; no heap, no static variables",
-            f"step: at most {operations.multiply} multiplications, {divisions}{operations.add} additions and "
+            f"step, predict: at most {operations.multiply} multiplications, {divisions}{operations.add} additions and "
             f"{operations.compare} comparisons of real numbers")

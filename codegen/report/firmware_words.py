@@ -49,7 +49,7 @@ def cost(record: dict) -> tuple[tuple[Fact, ...], tuple[Table, ...]]:
     operations = record.get("operations_per_step")
     if isinstance(operations, dict):
         listed = words.listed(f"{n} {name}" for name, n in operations.items())
-        facts.append(Fact("Operations of the dearest step", f"{listed} (floating point)"))
+        facts.append(Fact("Operations of a call, at most", f"{listed} (floating point)"))
     rows = [_measured(target, m) for target, m in _targets(record).items()]
     head = ("target", "compiler", "flags", "#flash (bytes)", "#static RAM (bytes)", "#stack of a step (bytes)")
     return tuple(facts), (table("Measured with the compilers that were installed", head, rows),) if rows else ()
