@@ -97,8 +97,7 @@ def parts(t, s, names: Names, signals: tuple, layout: str, faults: tuple[Channel
            ("uint32_t", "latched", "", ("alarm bits as kept; act on these",)),
            ("uint32_t", "assured", "", ("1: the bounds and alarms of this sample are guaranteed; 0: they are not",)))
     fast = " || (s->too_fast != 0U)" if s.monitors_dwell else ""
-    estimated, moved = (np.array(v.operations) for v in views)
-    multiply, add = (int(c) for c in estimated + moved)
+    operations = sum(v.operations for v in views) + [0, 0, 2 * (len(u) + len(y) + n_s + n_f)]
     lines = [f"{initialiser(row, t.real)}," for row in t.h]
     each = f", {1 << t.shift} samples each" if t.shift else ""
     notes = {0: f"from anywhere{each}", t.lost: f"after a sample without measurement{each}", rows - 1: "for ever"}
@@ -116,7 +115,7 @@ def parts(t, s, names: Names, signals: tuple, layout: str, faults: tuple[Channel
     return Parts(
         noun=FILTERS, header="filter.h.jinja", self_test="harness/test_filter.c.jinja", bits=bits, maps=views,
         state=state_layout(names, s, n_f, numbers, n_s, [], words), out_fields=tuple(Field(*f) for f in out),
-        operations=Operations(multiply, add, 2 * len(u) + 2 * len(y) + 2 * n_s + 2 * n_f), cuts=(),
+        operations=Operations(*operations.tolist()), cuts=(),
         start=(*begin, f"s->since = {t.start << t.shift}U;"), whole_range=(*begin, "s->since = 0U;"), crossed=(),
         late=(),
         move=Move(f"{p}_forward(s, in, next);", "", f"{p}_estimate(s, in, out);"), sets=(view,),

@@ -71,7 +71,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 20 bytes per instance; no heap, no static variables
- * step: at most 9 multiplications, 6 additions and 8 comparisons of real numbers
+ * step, predict: at most 9 multiplications, 6 additions and 8 comparisons of real numbers
  */
 #ifndef FARHAT_H
 #define FARHAT_H

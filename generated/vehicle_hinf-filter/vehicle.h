@@ -78,7 +78,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 32 bytes per instance; no heap, no static variables
- * step: at most 24 multiplications, 20 additions and 14 comparisons of real numbers
+ * step, predict: at most 24 multiplications, 20 additions and 14 comparisons of real numbers
  */
 #ifndef VEHICLE_H
 #define VEHICLE_H

@@ -20,6 +20,7 @@ from helpers.scripts import load
 from helpers.tools import need
 
 from codegen import read_design
+from codegen.plant.model import Scenario
 from codegen.plant.simulate import simulate
 
 need("g++")
@@ -41,7 +42,8 @@ def signals(folder, seed):
     """Inputs and measurements of a run without fault, within what the firmware accepts; the largest measurements."""
     design = read_design(folder / "design.json")
     t = design.observer.tables["float64"]
-    quiet = next(s for s in design.plant.scenarios if not s.fault)
+    own = Scenario("quiet", STEPS, tuple((9 * q, q) for q in range(len(design.plant.modes))), ("0",) * len(t.u_lo))
+    quiet = next((s for s in design.plant.scenarios if not s.fault), own)
     truth = simulate(design.plant, replace(quiet, steps=STEPS), seed=seed)
     columns = json.loads((folder / "resources.json").read_text(encoding="ascii"))["theta_columns"]
     theta = truth.theta[:, columns] if columns else np.zeros((STEPS, 0))
