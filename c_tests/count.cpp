@@ -4,7 +4,8 @@
  *
  * Macros: HEADER, SOURCE and TEST are the observer's files, T(name) is <prefix>_name, M(name) is <PREFIX>_name,
  * COUNTED_STEP and COUNTED_PREDICT the names by which the self-test calls. A sample is 0 (predict), 1 (step) or 2
- * (start anew, no numbers), the mode, u, y and theta. Printed per call: 0 or 1, the status, the bits of raw, the work.
+ * (start anew, no numbers), the mode, u, y and theta; TOLD is the mode's member of the input, where it has one. Printed
+ * per call: 0 or 1, the status, the bits of raw, the work.
  */
 #include <stdio.h>
 #include "counted.h"
@@ -56,6 +57,7 @@ int main(void)
     T(in) in;
     T(out) out;
     int call;
+    unsigned mode;
 
     out.raw = 0U;
     printf("self_test %d\n", T(self_test)());
@@ -66,7 +68,7 @@ int main(void)
             T(init)(&s);
             printf("run\n");
         }
-        else if ((scanf("%u", &in.mode) == 1)
+        else if ((scanf("%u", &mode) == 1)
 #ifdef INPUTS
             && read(in.u, INPUTS)
 #endif
@@ -76,6 +78,9 @@ int main(void)
 #endif
         )
         {
+#ifdef TOLD
+            in.TOLD = mode;
+#endif
             (void)((call == 1) ? counted_step(&s, &in, &out) : counted_predict(&s, &in, &out));
         }
         else

@@ -59,6 +59,7 @@ def build(folder: Path, out: Path, change=lambda text: text) -> Path:
              "TEST": f'"test_{p}.c"', "RENAMES": '"renames.h"', f"{m}_NO_MAIN": "1", "REAL": f"{p}_real", "RAW": real}
     names |= {"INPUTS": f"{m}_NU"} if record["n_u"] else {}
     names |= {"PARAMETERS": f"{m}_NTHETA"} if record["n_theta"] else {}
+    names |= {"TOLD": "mode"} if any(name == "mode" for name, *_ in record["in"]) else {}
     command = ["g++", "-std=c++11", "-O0", "-w", "-ffp-contract=off", *(f"-D{k}={v}" for k, v in names.items()),
                f"-I{out}", f"-I{HERE}", str(HERE / "count.cpp"), "-o", str(out / "count")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -76,7 +76,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 528 bytes per instance; no heap, no static variables
- * step: at most 1143 multiplications, 1527 additions and 1198 comparisons of real numbers
+ * step, predict: at most 1143 multiplications, 1527 additions and 1198 comparisons of real numbers
  */
 #ifndef ZAMMALI_MODES_H
 #define ZAMMALI_MODES_H

@@ -2,7 +2,8 @@
 
 The C is compiled as C++ with a number that counts. Runs of the plant with other signals, with a fault and with missing
 samples take the same multiplications, divisions and additions at each call, until an alarm ends and the observer
-starts again, which takes less. Comparisons differ by a few, because a range is not checked beyond its first end.
+starts again, which takes less. Comparisons differ by a few, because a range is not checked beyond its first end. A
+mode estimator alone works for the modes that are possible, at most for all.
 """
 
 import json
@@ -14,7 +15,7 @@ import numpy as np
 import pytest
 from helpers.designs import stand_in
 from helpers.folders import write
-from helpers.kept import KEPT, POINTS, at
+from helpers.kept import KEPT, POINTS, at, family_of
 from helpers.points import VARIANTS, point_design, random_plant
 from helpers.scripts import load
 from helpers.tools import need
@@ -75,10 +76,13 @@ def test_no_call_takes_more_than_stated_whatever_the_data(folder, tmp_path):
     here = at(folder)
     golden, *found = operations.count(operations.build(here, tmp_path), runs(here))
     assert operations.excess(here, [c for calls in (golden, *found) for c in calls]) == []
-    assert by_data(*found) == []
     quiet, other, faulty, gaps, _ = found
     assert all(len(calls) == STEPS and all(c.status == 0 for c in calls) for calls in found)
     assert not any(c.raw for c in quiet + other) and any(c.raw for c in faulty) and not all(c.step for c in gaps)
+    if family_of(folder) == "mode":  # work for each hypothesis that is possible, which is for the data to say
+        assert by_data(*found)
+        return
+    assert by_data(*found) == []
     stated = operations.stated(here)
     most = max(c.multiply for c in golden)
     assert most > 5 and stated["multiply"] <= 1.2 * most  # it is a bound of this work, not of any
