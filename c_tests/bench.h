@@ -35,10 +35,19 @@ static const T(real) z_hi[] = CASE_Z_HI;
 static const T(real) x0_lo[] = CASE_X0_LO;
 static const T(real) x0_hi[] = CASE_X0_HI;
 
-/* What y may be, minus the y that was measured. */
+/* How many numbers are held against a bound, each with a bit: residuals, or estimates of faults. */
+#if CASE_FILTER
+#define CHECKED M(NF)
+#else
+#define CHECKED M(NY)
+#endif
+
+/* What y may be, minus the y that was measured; what an estimate may be, minus the estimate. */
 static inline T(real) r_least(const T(out) *out, uint32_t i)
 {
-#if CASE_POINT
+#if CASE_FILTER
+    return -out->f_hat[i] - out->f_bound[i];
+#elif CASE_POINT
     return -out->r[i] - out->r_bound[i];
 #else
     return out->r_lo[i];
@@ -47,7 +56,9 @@ static inline T(real) r_least(const T(out) *out, uint32_t i)
 
 static inline T(real) r_most(const T(out) *out, uint32_t i)
 {
-#if CASE_POINT
+#if CASE_FILTER
+    return -out->f_hat[i] + out->f_bound[i];
+#elif CASE_POINT
     return -out->r[i] + out->r_bound[i];
 #else
     return out->r_hi[i];

@@ -53,7 +53,7 @@ static void any_inputs(T(in) *in)
     }
 }
 
-#if !CASE_POINT
+#if !CASE_POINT && !CASE_FILTER
 static void any_box(T(real) *lo, T(real) *hi, const T(real) *least, const T(real) *most)
 {
     for (uint32_t i = 0U; i < M(NX); i++)
@@ -125,7 +125,14 @@ static void any_shape(T(state) *s)
 
 static void any_framers(T(state) *s)
 {
-#if CASE_POINT
+#if CASE_FILTER
+    for (uint32_t i = 0U; i < M(NS); i++)
+    {
+        /* Small and large, some beyond every limit. */
+        s->xi[i] = between(-1, 1) * (T(real))(1U << draw(16U)) / 64;
+    }
+    s->since = draw(M(LAST) + 2U);
+#elif CASE_POINT
     static const T(real) offs[] = { 1024, 2, 1, 1, (T(real))1 / 16384, (T(real))1 / 16384, (T(real))1 / 16384, 0 };
     const T(real) off = offs[draw(8U)];
 

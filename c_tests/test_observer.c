@@ -10,6 +10,15 @@ static int measure_quietly(bench *b)
     bench trial = *b;
     int within = 1;
 
+#if CASE_FILTER /* a filter at rest that measures nothing sees nothing */
+    for (uint32_t i = 0U; i < M(NY); i++)
+    {
+        b->in.y[i] = 0;
+        within &= ((y_lo[i] <= 0) && (y_hi[i] >= 0)) ? 1 : 0;
+    }
+    (void)trial;
+    return within;
+#else
     inputs_in_the_middle(&trial.in);
     trial.in.mode = b->in.mode;
     within &= (T(step)(&trial.s, &trial.in, &trial.out) == M(OK)) ? 1 : 0;
@@ -19,6 +28,7 @@ static int measure_quietly(bench *b)
         within &= ((b->in.y[i] >= y_lo[i]) && (b->in.y[i] <= y_hi[i])) ? 1 : 0;
     }
     return within;
+#endif
 }
 
 /* Move one y so far from the middle that it must be outside its bounds; 0 if its range does not allow that. */
@@ -27,6 +37,16 @@ static int measure_a_fault(bench *b, uint32_t *bit)
     bench trial = *b;
     int found = 0;
 
+#if CASE_FILTER
+    for (uint32_t n = 0U; (n < (2U * M(NY))) && (found == 0); n++)
+    {
+        b->in.y[n / 2U] = ((n % 2U) != 0U) ? y_lo[n / 2U] : y_hi[n / 2U];
+        trial = *b;
+        (void)T(step)(&trial.s, &trial.in, &trial.out);
+        found = (trial.out.raw != 0U) ? 1 : 0;
+        *bit = trial.out.raw;
+    }
+#else
     if ((measure_quietly(b) != 0) && (measure_quietly(&trial) != 0))
     {
         (void)T(step)(&trial.s, &trial.in, &trial.out);
@@ -51,6 +71,7 @@ static int measure_a_fault(bench *b, uint32_t *bit)
             *bit = (found != 0) ? ((uint32_t)1U << i) : *bit;
         }
     }
+#endif
     return found;
 }
 
@@ -91,11 +112,13 @@ static int a_measurement_in_the_middle_is_quiet(void)
     {
         CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
         CHECK((b.out.raw == 0U) && (b.out.alarm == 0U) && (b.out.latched == 0U) && (b.out.assured == 1U));
+#if !CASE_FILTER
         for (uint32_t i = 0U; i < M(NX); i++)
         {
             CHECK(b.out.x_lo[i] <= b.out.x_hi[i]);
         }
-        for (uint32_t i = 0U; i < M(NY); i++)
+#endif
+        for (uint32_t i = 0U; i < CHECKED; i++)
         {
             CHECK((r_least(&b.out, i) <= 0) && (r_most(&b.out, i) >= 0));
         }
@@ -244,12 +267,20 @@ static int a_bad_sensor_for_ever_stays_bounded(void)
         b.in.mode = (k / 7U) % M(MODES);
         b.in.y[0] = ((k % 2U) == 0U) ? y_hi[0] : y_lo[0];
         CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
+        /* finite: a number minus itself is zero */
+#if CASE_FILTER
+        for (uint32_t i = 0U; i < M(NF); i++)
+        {
+            CHECK((b.out.f_hat[i] - b.out.f_hat[i]) >= 0);
+            CHECK(b.out.f_bound[i] > 0);
+        }
+#else
         for (uint32_t i = 0U; i < M(NX); i++)
         {
-            /* finite: a number minus itself is zero */
             CHECK((b.out.x_lo[i] - b.out.x_lo[i]) >= 0);
             CHECK((b.out.x_hi[i] - b.out.x_hi[i]) >= 0);
         }
+#endif
     }
     return 0;
 }

@@ -96,7 +96,9 @@ static int forgets(const T(state) *s)
     return 0;
 }
 
-#if !CASE_POINT
+#if CASE_FILTER
+#include "filter_ranges.h"
+#elif !CASE_POINT
 static int init_and_reset_boxes(void)
 {
     bench b;
@@ -269,6 +271,7 @@ static int framers_at_the_ends(void)
 }
 #endif
 
+#if !CASE_FILTER
 /* A measurement just on its bound is no fault; one a hair beyond it is. */
 static int edge_of_an_alarm(void)
 {
@@ -303,6 +306,7 @@ static int edge_of_an_alarm(void)
     }
     return 0;
 }
+#endif
 
 #if CASE_HAS_PHASE
 /* Whether a step from a spoilt state is that from a state with some mode: no switch, no other table. */

@@ -101,7 +101,7 @@ def variants(orders: Sequence[int] = ()) -> list[Variant]:
     """
     found = []
     for name, method in METHODS.items():
-        if method.framers:
+        if method.framers or method.family == "filter":
             found.append(Variant(name, name, {}))
             continue
         for kind in SETS["set"]:
@@ -235,6 +235,8 @@ def relative_width(made: Design) -> float | None:
 def dwell_of(made: Design) -> float:
     """Samples that a mode has to last (on average) for what is proved; 0: any switching."""
     cert, t = made.certificate[made.plant.target.real], made.observer.tables[made.plant.target.real]
+    if cert["kind"] == "filter":
+        return cert["dwell_add"] / cert["dwell_drain"] if cert["dwell_add"] else 0.0
     table = getattr(getattr(t, "shape", None), "dwell", 1)
     proof = limited(cert) if cert["kind"] in ("linf", "hinf") else None
     return max(0.0 if table == 1 else float(table), 0.0 if proof is None else float(proof[0]))

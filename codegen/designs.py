@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from . import __version__
+from . import __version__, filter_designs
 from .analysis.detectability import surely_detected
 from .certify import set_claims
 from .certify.claims import check, check_monitor, check_ranges, digest
 from .errors import CertificateError, PlantError, ResiduaError
-from .observers import FAMILIES, PointTables, Runner, Supervision
+from .observers import FAMILIES, FilterTables, PointTables, Runner, Supervision
 from .plant.load import loads
 from .plant.model import Plant
 
@@ -177,6 +177,8 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
     ------
     CertificateError
     """
+    if isinstance(t, FilterTables):
+        return filter_designs.check(plant, t, cert)
     claims = (set_claims.check if isinstance(t, PointTables) else check)(plant.observed.modes, t, cert)
     if plant.kind == "continuous":
         claims.append(f"between samples, {plant.sample_period:g} s apart, disturbances and parameters may move as they "

@@ -13,7 +13,7 @@ from .errors import CertificateError, DesignError
 from .synthesis import hinf_filter, hinf_projection
 from .synthesis.hinf_analysis import balanced, level_of, rounded, stability_margin
 from .synthesis.hinf_filter import REMEDY
-from .synthesis.hinf_problem import FilterProblem
+from .synthesis.hinf_problem import FilterProblem, is_slight, without_slight
 from .synthesis.hinf_reduction import reduce_order
 from .synthesis.hinf_weights import post_scaling, scaled
 
@@ -45,6 +45,26 @@ class CertifiedFilter:
     proof: dict
 
 
+def proofs(problem: FilterProblem, gains, start: dict):
+    """Proofs to be tried: of the problem, then of it less its slight uncertainties, with multipliers for these."""
+    some = False
+    for margin in MARGINS:
+        found = level_of(problem, gains, start, margin)
+        if found is not None:
+            some = True
+            yield found.proof | {"level2": float(found.gamma**2 * (1 + 1e-9))}
+    if some or not any(is_slight(b) for m in problem.modes for b in m.blocks):
+        return
+    for margin in MARGINS[1:]:
+        found = level_of(without_slight(problem), gains, start, margin)
+        for tau in () if found is None else (1e-2, 1.0, 1e2, 1e-4, 1e4):
+            rows = []
+            for m, known in zip(problem.modes, found.proof["multipliers"]):
+                known = iter(known)
+                rows.append([{"tau": tau} if is_slight(b) else next(known) for b in m.blocks])
+            yield found.proof | {"multipliers": rows, "level2": float(found.gamma**2 * (1 + 1e-6))}
+
+
 def certify_filter(problem: FilterProblem, gains, start: dict) -> tuple[float, dict]:
     """Level of given gains, and its proof, checked in exact arithmetic.
 
@@ -67,11 +87,7 @@ def certify_filter(problem: FilterProblem, gains, start: dict) -> tuple[float, d
         No level is proved.
     """
     reason = "the solver finds no level for the rounded gains. Try float64, or scale states and signals to about 1."
-    for margin in MARGINS:
-        found = level_of(problem, gains, start, margin)
-        if found is None:
-            continue
-        proof = found.proof | {"level2": float(found.gamma**2 * (1 + 1e-9))}
+    for proof in proofs(problem, gains, start):
         proof["P"] = [np.asarray(p).tolist() for p in proof["P"]]
         try:
             level2 = check_gain(problem.modes, problem.names, problem.switching, gains, proof)
@@ -83,6 +99,72 @@ def certify_filter(problem: FilterProblem, gains, start: dict) -> tuple[float, d
             gamma = np.nextafter(gamma, np.inf)
         return up(Q(gamma)), proof
     raise CertificateError(f"certificate: {reason}")
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Gains before they are rounded.
+
+    Parameters
+    ----------
+    gains : tuple of (A, B, C, D), one per mode
+    claimed : float
+        Level of the solver.
+    xi : tuple of ndarray (n_f, n_f)
+        Post scaling, already in C and D; empty without.
+    start : dict
+        "P" of the design.
+    """
+
+    gains: tuple
+    claimed: float
+    xi: tuple
+    start: dict
+
+
+def propose(problem: FilterProblem, synthesis: str = "slack", loss: float = 0.0, post: bool = False) -> Proposal:
+    """Design, lower the order, balance the states, scale the estimate; arguments as ``design_filter``.
+
+    Raises
+    ------
+    DesignError
+        No filter exists, or an option is wrong.
+    """
+    if synthesis not in ("slack", "projection"):
+        raise DesignError(f'hinf-filter: synthesis is {synthesis!r}, expected "slack" or "projection".')
+    try:
+        design = hinf_filter.design(problem)
+    except DesignError:
+        slight = without_slight(problem)
+        if all(len(a.blocks) == len(b.blocks) for a, b in zip(slight.modes, problem.modes)):
+            raise
+        design = hinf_filter.design(slight)
+    if synthesis == "projection":
+        design = hinf_projection.design(problem, design).design
+    claimed = design.gamma
+    if loss > 0:
+        design = reduce_order(problem, design, loss)
+    design = balanced(design, problem.sizes[0])
+    xi = tuple(post_scaling(problem, design.gains)) if post else ()
+    return Proposal(tuple(scaled(design.gains, xi) if post else design.gains), claimed, xi, design.proof)
+
+
+def certify_proposal(problem: FilterProblem, gains, start: dict) -> tuple[float, dict]:
+    """As ``certify_filter``; where no level is proved because the plant itself is unstable, that is said.
+
+    Raises
+    ------
+    DesignError
+    CertificateError
+    """
+    try:
+        return certify_filter(problem, gains, start)
+    except CertificateError:
+        margin = stability_margin(problem)
+        if margin <= 1e-7:  # the solver took its own tolerance for a solution
+            raise DesignError("hinf-filter: the plant itself is not stable under this switching and uncertainty "
+                              f"(margin {margin:.1e} of 1), so no filter has a level. {REMEDY}") from None
+        raise
 
 
 def design_filter(problem: FilterProblem, real: str = "float32", synthesis: str = "slack", loss: float = 0.0,
@@ -111,23 +193,7 @@ def design_filter(problem: FilterProblem, real: str = "float32", synthesis: str 
     CertificateError
         The exact check refuses every level.
     """
-    if synthesis not in ("slack", "projection"):
-        raise DesignError(f'hinf-filter: synthesis is {synthesis!r}, expected "slack" or "projection".')
-    design = hinf_filter.design(problem)
-    if synthesis == "projection":
-        design = hinf_projection.design(problem, design).design
-    claimed = design.gamma
-    if loss > 0:
-        design = reduce_order(problem, design, loss)
-    design = balanced(design, problem.sizes[0])
-    xi = tuple(post_scaling(problem, design.gains)) if post else ()
-    gains = rounded(scaled(design.gains, xi) if post else design.gains, real)
-    try:
-        gamma, proof = certify_filter(problem, gains, design.proof)
-    except CertificateError:
-        margin = stability_margin(problem)
-        if margin <= 1e-7:  # the solver took its own tolerance for a solution
-            raise DesignError("hinf-filter: the plant itself is not stable under this switching and uncertainty "
-                              f"(margin {margin:.1e} of 1), so no filter has a level. {REMEDY}") from None
-        raise
-    return CertifiedFilter(tuple(gains), gamma, claimed, xi, proof)
+    found = propose(problem, synthesis, loss, post)
+    gains = rounded(found.gains, real)
+    gamma, proof = certify_proposal(problem, gains, found.start)
+    return CertifiedFilter(tuple(gains), gamma, found.claimed, found.xi, proof)

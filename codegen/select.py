@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import points
+from . import filter_designs, points
 from .algebra.dwell import ratio, shortest
 from .analysis.detectability import SureFault, limited, surely_detected
 from .analysis.quick import QuickJudge
@@ -84,6 +84,8 @@ def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple:
     ------
     CertificateError
     """
+    if gains.get("kind") == "filter":
+        return filter_designs.certified(plant, gains, proof, real)
     if "kind" in gains:  # of a point observer
         return points.certified(plant, gains, proof, real)
     modes = plant.observed.modes
@@ -181,8 +183,11 @@ def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], No
     """
     real, within = plant.target.real, int(options.get("within", WITHIN))
     if not METHODS[name].framers:
-        found = points.explore(plant, METHODS[name].module, METHODS[name].family, options,
-                               lambda text: progress(f"{name}: {text}"))
+        def tell(text: str):
+            progress(f"{name}: {text}")
+
+        found = filter_designs.explore(plant, options, tell) if METHODS[name].family == "filter" else points.explore(
+            plant, METHODS[name].module, METHODS[name].family, options, tell)
         return [Trial(name, e.candidate, e.gains, e.tables, e.cert, surely_detected(plant, e.tables, e.cert, within))
                 for e in found]
     if plant.kind == "continuous" and not can_be_sampled(plant):
@@ -310,7 +315,9 @@ def array(plant: Plant, key: str, value, shape: tuple[int, ...]) -> Array:
 def supervision(plant: Plant, cert: dict) -> Supervision:
     """Alarm handling of the plant file, and the dwell monitor where the claim rests on a dwell time."""
     t, dwell = plant.target, {}
-    if cert["kind"] in ("linf", "hinf") and cert["dwell_add"] > cert["dwell_drain"] and cert["rho"] > 1:
+    if cert["kind"] == "filter":
+        dwell = {k: cert[k] for k in ("dwell_add", "dwell_drain", "dwell_limit")}
+    elif cert["kind"] in ("linf", "hinf") and cert["dwell_add"] > cert["dwell_drain"] and cert["rho"] > 1:
         dwell = {"dwell_add": cert["dwell_add"], "dwell_drain": cert["dwell_drain"],
                  "dwell_limit": int(cert["chatter"] * cert["dwell_add"])}
     return Supervision(debounce=t.debounce, latch=t.latch, recover=t.recover, hold=t.hold, **dwell)

@@ -101,7 +101,6 @@ def _polytope(p: Plant) -> None:
     out.print("\nbetween the vertices: " + {
         True: "admissible for every weight, however it moves (one Lyapunov matrix for all vertices, checked exactly)",
         False: "not shown to be admissible (no common Lyapunov matrix found); the table above says nothing of it",
-        None: "not tested in discrete time; the table above says nothing of it",
     }[hull_admissible(p)])
 
 

@@ -102,16 +102,16 @@ def is_lyapunov_matrix(E: Array, vertices: Sequence[Array], Y: Array, X: Array) 
         S is `left_kernel` of E.
     """
     S = left_kernel(E)
-    exact_y = _exact(Y)
+    exact_y = exact(Y)
     if len(X) != (len(S[0]) if S else 0):
         return False
-    P = _product(exact_y, _exact(E))
+    P = product(exact_y, exact(E))
     if len(X):
-        P = [[a + b for a, b in zip(*rows)] for rows in zip(P, _product(S, _exact(X)))]
+        P = [[a + b for a, b in zip(*rows)] for rows in zip(P, product(S, exact(X)))]
     if not is_positive_definite(exact_y):
         return False
     for A in vertices:
-        M = _product(list(map(list, zip(*_exact(A)))), P)
+        M = product(transposed(exact(A)), P)
         if not is_positive_definite([[-M[i][j] - M[j][i] for j in range(len(M))] for i in range(len(M))]):
             return False
     return True
@@ -124,7 +124,7 @@ def left_kernel(E: Array) -> Rows:
     ----------
     E : ndarray (n, n)
     """
-    rows, n, pivots = list(map(list, zip(*_exact(E)))), len(E), []
+    rows, n, pivots = list(map(list, zip(*exact(E)))), len(E), []
     for column in range(n):
         k = len(pivots)
         best = next((i for i in range(k, n) if rows[i][column]), None)
@@ -160,10 +160,32 @@ def is_positive_definite(M: Rows) -> bool:
     return True
 
 
-def _exact(M: Array) -> Rows:
+def exact(M: Array) -> Rows:
+    """The exact values of a matrix.
+
+    Parameters
+    ----------
+    M : ndarray (m, n)
+    """
     return [[Fraction(float(x)) for x in row] for row in M]
 
 
-def _product(A: Rows, B: Rows) -> Rows:
+def transposed(A: Rows) -> Rows:
+    """A'.
+
+    Parameters
+    ----------
+    A : list of lists of Fraction
+    """
+    return list(map(list, zip(*A)))
+
+
+def product(A: Rows, B: Rows) -> Rows:
+    """A B.
+
+    Parameters
+    ----------
+    A, B : list of lists of Fraction
+    """
     columns = list(zip(*B))
     return [[sum((a * b for a, b in zip(row, column)), Fraction(0)) for column in columns] for row in A]

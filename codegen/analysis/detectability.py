@@ -18,8 +18,8 @@ from itertools import product
 import numpy as np
 
 from ..algebra.dwell import admissible
-from ..observers import PointTables
-from . import point_detection, robust
+from ..observers import FilterTables, PointTables
+from . import filter_detection, point_detection, robust
 from .adjoint import ResidualModel, extremes, fault_response
 
 Array = np.ndarray
@@ -88,6 +88,9 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
     """
     if isinstance(t, PointTables):
         found = point_detection.thresholds(plant, t, cert, within)
+        return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
+    if isinstance(t, FilterTables):
+        found = filter_detection.thresholds(plant, t, within)
         return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
     tails = ultimate_errors(cert)
     infinite = tuple([np.inf] * (within + 1))

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ..observers import Trace
+from ..observers import FilterTrace, Trace
 from ..plant.model import Plant, PlantTrace
-from . import panels
+from . import filter_panels, panels
 from .panels import Run
 from .svg import style
 
@@ -67,12 +67,14 @@ def run_figure(run: Run) -> Figure:
 
 
 def _outputs(run: Run) -> list[Panel]:
+    if isinstance(run.trace, FilterTrace):
+        return [(1.75, lambda axis, j=j: filter_panels.estimate(axis, run, j)) for j in range(run.plant.n_f)]
     return [(1.55, lambda axis, j=j: panels.output(axis, run, j)) for j in range(run.plant.n_y)]
 
 
 def _states(run: Run) -> list[Panel]:
     stack: list[Panel] = []
-    for i in range(run.plant.n_x):
+    for i in () if isinstance(run.trace, FilterTrace) else range(run.plant.n_x):
         stack.append((1.55, lambda axis, i=i: panels.state(axis, run, i)))
         if panels.is_thin(run, i):
             stack.append((1.55, lambda axis, i=i: panels.magnified(axis, run, i)))

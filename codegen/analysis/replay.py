@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import EmitError
+from ..observers import FilterTrace
 from ..plant.model import Plant, PlantTrace, Scenario
 from . import plots, svg
 from .logs import read_log
@@ -133,9 +134,12 @@ def table(plant: Plant, truth: PlantTrace, trace) -> str:
     -------
     text : str
         Columns k, t, x_lo.<state> ..., x_hi.<state> ..., r_lo.<output> ..., r_hi.<output> ..., alarm, latched,
-        assured, status. Every number reads back exactly.
+        assured, status; of a filter f_hat.<fault> ..., f_bound.<fault> ... in place of the bounds. Every number reads
+        back exactly.
     """
     names = {"x_lo": plant.x, "x_hi": plant.x, "r_lo": plant.y, "r_hi": plant.y}
+    if isinstance(trace, FilterTrace):
+        names = {"f_hat": plant.f, "f_bound": plant.f}
     header = ["k", "t", *(f"{field}.{s.name}" for field, signals in names.items() for s in signals),
               "alarm", "latched", "assured", "status"]
     columns = [column for field in names for column in getattr(trace, field).T]

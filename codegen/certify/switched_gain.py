@@ -28,13 +28,13 @@ def closed_loop(m, gains) -> tuple[Array, Array]:
     ----------
     m : FilterMode
         Matrices A, E, C, F, Cz, Fz and blocks with H.
-    gains : (A, B, C, D) of the filter, as the C holds them
+    gains : (A, B, C, D) of the filter, as the C holds them; floats, or rationals in other units
 
     Returns
     -------
     move, out : object arrays
     """
-    A, B, C, D = (rational(np.asarray(g, dtype=float)) for g in gains)
+    A, B, C, D = (rational(np.asarray(g)) for g in gains)
     plant = {k: rational(getattr(m, k)) for k in ("A", "E", "C", "F", "Cz", "Fz")}
     n, s = len(plant["A"]), len(A)
     H = [rational(b.H) for b in m.blocks]

@@ -23,13 +23,18 @@ class Range:
 
 @dataclass(frozen=True)
 class FuzzView:
-    """What the harness prints; ``inputs`` is the number of inputs, or nothing without; so ``parameters``."""
+    """What the harness prints; ``inputs`` is the number of inputs, or nothing without; so ``parameters``.
+
+    ``bounds`` is x where the answer has its bounds, ``finite`` are its other vectors of numbers.
+    """
 
     prefix: str
     macro: str
     ranges: tuple[Range, ...]
     inputs: tuple[str, ...]
     parameters: tuple[str, ...]
+    bounds: tuple[str, ...]
+    finite: tuple[str, ...]
 
 
 def fuzz_harness(record: dict) -> str:
@@ -50,10 +55,12 @@ def fuzz_harness(record: dict) -> str:
     EmitError
         The template is damaged.
     """
-    macro, real = record["macro"], record["real"]
+    macro, real, answers = record["macro"], record["real"], {name for name, *_ in record["out"]}
     ranges = tuple(Range(name, f"[][{macro}_NTHETA]" if name.startswith("theta") else "[]",
                          initialiser(np.array(record["ranges"][name], dtype=real), real))
                    for name in RANGES if record["ranges"].get(name))
     return render("harness/fuzz.c.jinja", h=FuzzView(record["prefix"], macro, ranges,
                                                      (f"{macro}_NU",) if record["n_u"] else (),
-                                                     (f"{macro}_NTHETA",) if record["n_theta"] else ()))
+                                                     (f"{macro}_NTHETA",) if record["n_theta"] else (),
+                                                     ("x",) if "x_lo" in answers else (),
+                                                     () if "x_lo" in answers else ("f_hat", "f_bound")))

@@ -16,7 +16,7 @@ from random import Random
 
 import numpy as np
 
-from ..observers import Trace
+from ..observers import FilterObserver, Trace
 from .cprint import initialiser, literal
 
 Array = np.ndarray
@@ -126,12 +126,20 @@ def _within_bounds(observer, t, u: Array, q: int, theta: Array, y: Array) -> Arr
     """Return a measurement a little off the middle of its bounds; trials on copies find it.
 
     Framers that use the measurement of the same sample (N y+) move with it: the residual is affine in y, with a
-    slope that is measured too.
+    slope that is measured too. Of a filter: a measurement small enough for an estimate within its bounds.
     """
-    def offset(y: Array) -> Array:
+    def answer(y: Array) -> Trace:
         trial = copy(observer)
         trial.guard = copy(observer.guard)  # its arrays are replaced at each sample, never written to
-        out = _sample(trial, t, u, y, q, theta, True)
+        return _sample(trial, t, u, y, q, theta, True)
+
+    if isinstance(observer, FilterObserver):
+        smaller = (y * t.dtype.type(0.5**k) for k in range(30))
+        fit = (z for z in smaller if np.all((z >= t.y_lo) & (z <= t.y_hi)) and answer(z).raw_bits[0] == 0)
+        return next(fit, y)
+
+    def offset(y: Array) -> Array:
+        out = answer(y)
         return (0.45 * out.r_lo[0] + 0.55 * out.r_hi[0]).astype(float)
 
     here = offset(y)
@@ -171,6 +179,7 @@ def vectors(design, real: str) -> tuple[Vector, ...]:
     trace = _answers(copy(design.observer), design.observer.tables[real], u, y, q, theta, measured)
     *states, first, second = trace.numbers()
     residuals = [np.where(measured[:, None], a, 0).astype(y.dtype) for a in (first, second)]
+    states, residuals = (states, residuals) if states else (residuals[:1], residuals[1:])
     return tuple(Vector((initialiser(u[k], real),) if u.shape[1] else (),
                         (initialiser(y[k], real), *([initialiser(theta[k], real)] * bool(theta.shape[1]))), int(q[k]),
                         _call(k, design.observer.tables[real], bool(measured[k])),

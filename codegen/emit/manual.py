@@ -168,19 +168,24 @@ def bits(y: tuple[Channel, ...], shared: bool) -> tuple[Bit, ...]:
     return (*own, *crossed)
 
 
+#: What a fault spoils in a fault estimation filter: they go on while it is seen.
+FILTERS = "filter bounds"
+
+
 def alarm(s, prefix: str, noun: str) -> tuple[str, ...]:
     """Tell the way from a violated bound to an alarm, and back; ``noun`` is what a fault spoils."""
     m, n = s.debounce
+    far = "" if noun == FILTERS else f", or after {max(s.recover, 1)} samples outside in a row"
     rule = ("every sample outside its bounds is an alarm" if n == 1 else
             f"an alarm is {m} samples outside their bounds among the last {n} measured ones")
     keep = (f"Once raised, a bit stays in out->latched until {prefix}_reset." if s.latch else
             "out->latched repeats out->alarm, and keeps it over predict.")
     text = (f"Debounce: {rule}. {keep} {noun.capitalize()} that have met a fault are worthless: they restart from the "
-            f"declared ranges at the first sample within bounds, or after {max(s.recover, 1)} samples outside in a "
-            f"row. " + (f"assured returns after {prefix}_reset only: a fault that goes on may be absorbed by the "
-                        f"restarted {noun}." if s.latch else
-                        f"assured returns after {s.hold} samples within bounds, on the assumption that the fault is "
-                        "over by then."))
+            f"declared ranges at the first sample within bounds{far}. "
+            + (f"assured returns after {prefix}_reset only: a fault that goes on may be absorbed by the restarted "
+               f"{noun}." if s.latch else
+               f"assured returns after {s.hold} samples within bounds, on the assumption that the fault is over by "
+               "then."))
     return paragraph(text)
 
 

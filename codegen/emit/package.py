@@ -59,7 +59,9 @@ def files(design, real: str | None = None, layout: str | None = None, measure: b
 
 
 def _proofs(design, d: DesignView) -> dict[str, str]:
-    """Print what Frama-C and Gappa read."""
+    """Print what Frama-C and Gappa read; nothing yet for fault estimation filters."""
+    if d.family == "filter":
+        return {}
     return {f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d)),
             f"rounding_{d.prefix}.g": render("harness/rounding.g.jinja", d=d, g=rounding(design, d))}
 
@@ -93,7 +95,7 @@ def _members(d: DesignView, fields) -> list[list]:
     """Describe a struct as [name, "real" or "uint32", number of elements]."""
     sizes = {"NX": d.x, "NU": d.u, "NY": d.y, "NTHETA": d.theta, "BITS": d.bits}
     counts = {f"[{d.macro}_{name}]": len(channels) for name, channels in sizes.items()} | {"": 1}
-    counts |= {f"[{d.macro}_NSHAPE]": z.numbers for z in d.sets}
+    counts |= {f"[{d.macro}_{name}]": n for name, n in d.lengths}
     return [[f.name, "uint32" if f.type == "uint32_t" else "real", counts[f.size]] for f in fields]
 
 

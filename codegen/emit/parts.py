@@ -88,7 +88,8 @@ class Size:
 class Parts:
     """The part of ``DesignView`` that depends on the family; ``noun`` is what a fault spoils, in words.
 
-    ``header`` and ``self_test`` are templates, ``sets`` is the error set of a point observer, or nothing.
+    ``header`` and ``self_test`` are templates, ``sets`` is the error set of a point observer or the tables of a filter,
+    or nothing; ``lengths`` are macros of sizes that are not those of x, u and y.
     """
 
     noun: str
@@ -106,6 +107,7 @@ class Parts:
     late: tuple[Late, ...]
     move: Move
     sets: tuple[object, ...] = ()
+    lengths: tuple[tuple[str, int], ...] = ()
 
 
 def assign(array: str, values: Array, real: str) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ def bounds(spec: MapSpec, side: str) -> tuple[str, str]:
 def unused(spec: MapSpec, text: Iterable[str]) -> tuple[str, ...]:
     """Return the pointer parameters that the printed code does not touch."""
     code = " ".join([*text, *spec.tail])
-    return tuple(p for p in pointers(spec) if f"{p}->" not in code)
+    return tuple(p for p in pointers(spec) if f"{p}->" not in code and f"{p}[" not in code)
 
 
 def pointers(spec: MapSpec) -> tuple[str, ...]:

@@ -111,6 +111,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     state = state_layout(names, s, len(bits), numbers, len(x) + len(kept) + count, kept, words)
     centre = {name: centred(getattr(t, f"{name}_lo"), getattr(t, f"{name}_hi"), t.dtype)[0] for name in ("x0", "x")}
     reads = ", in" if family == "thresholds" and len(names.modes) > 1 else ""
+    view = family_view(t, names)
     calls = (f"{p}_set_forward(s{reads});", f"{p}_settle(s, {'' if online else 'in, '}out);")
     return Parts(
         noun="estimates", header="point.h.jinja", self_test="harness/test_point.c.jinja", bits=bits,
@@ -121,7 +122,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
                         for i, b in enumerate(t.box)), (), ()),),
         start=assign("s->x_hat", centre["x0"], t.real), whole_range=assign("s->x_hat", centre["x"], t.real),
         crossed=(), late=(), move=Move(f"{p}_forward(s, in, out);", f"{p}_blind(s, out);", *calls),
-        sets=(family_view(t, names),))
+        sets=(view,), lengths=(("NSHAPE", view.numbers),))
 
 
 def state_of(t, names: Names) -> tuple[list[Member], list[Word], int]:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import EmitError
-from ..observers import PointTables
-from . import families, framer_parts, manual, point_parts
+from ..observers import FilterTables, PointTables
+from . import families, filter_parts, framer_parts, manual, point_parts
 from .cprint import C_TYPE, check_prefix, comment, initialiser, literal, macro_names
 from .layouts import LAYOUTS
 from .manual import Bit, Channel, Manual
@@ -65,7 +65,7 @@ class Guards:
 class DesignView:
     """Everything the C of one design needs. ``x``, ``u``, ``y``, ``theta``, ``modes``, ``bits`` are its channels.
 
-    ``sets`` holds the error set of a point observer, or nothing.
+    ``sets`` holds the error set of a point observer, the tables of a filter, or nothing.
     """
 
     prefix: str
@@ -119,6 +119,7 @@ class DesignView:
     header: str
     self_test: str
     sets: tuple[object, ...]
+    lengths: tuple[tuple[str, int], ...]
 
 
 def build(design, real: str | None = None, layout: str | None = None, version: str = "") -> DesignView:
@@ -191,11 +192,15 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         last_items=_last_items(names, bool(theta)),
         last_status=f"{names.macro}_BAD_{'PARAMETER' if theta else 'OUTPUT'}",
         last_refusal=f"{names.macro}_BAD_{'PARAMETER' if theta else 'INPUT'}", noun=own.noun, header=own.header,
-        self_test=own.self_test, sets=own.sets)
+        self_test=own.self_test, sets=own.sets, lengths=own.lengths)
 
 
 def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
     """What is the family's own."""
+    if isinstance(t, FilterTables):
+        faults = manual.channels(design.plant.f, *(side.astype(t.dtype) for side in design.plant.limits("f")), t.real,
+                                 "f_hat")
+        return filter_parts.parts(t, s, names, signals, layout, faults)
     make = point_parts.parts if isinstance(t, PointTables) else framer_parts.parts
     return make(design.observer.family, t, s, names, signals, layout)
 

@@ -141,5 +141,5 @@ def vectors(record: dict, struct: str, among: tuple[str, ...]) -> tuple[Vector, 
 
 START = ("x_lo", "x_hi", "z_lo", "z_hi", "x_hat", "shape")
 ALWAYS = ("x_hat", "x_lo", "x_hi")
-MEASURED = ("r_lo", "r_hi", "r", "r_bound")
-VECTORS = frozenset({*START, *ALWAYS, *MEASURED, "u", "y", "theta", "history"})
+MEASURED = ("r_lo", "r_hi", "r", "r_bound", "f_hat", "f_bound")
+VECTORS = frozenset({*START, *ALWAYS, *MEASURED, "u", "y", "theta", "history", "xi"})

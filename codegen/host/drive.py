@@ -104,7 +104,7 @@ class Driver:
         q = array("q", q, (runs, steps), np.dtype(np.uint32), copy)
         family = FAMILIES[self.family]
         boxes = family.initial(x0_lo, x0_hi, (runs, n_x), self.record, dtype)
-        trace = family.trace_class.empty((runs, steps), n_x, n_y, dtype)
+        trace = family.answers((runs, steps), self.record, dtype)
         reads = [self._pointer(a) for a in (u, y, theta, q, *boxes)]
         writes = [self._pointer(a, write=True) for a in (
             *trace.numbers(), trace.alarm, trace.alarm_bits, trace.latched_bits,

@@ -5,6 +5,7 @@ from .box import BoxObserver, BoxTables
 from .coordinates import Coordinates
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
 from .ellipsoid_trace import EllipsoidTraceObserver, TraceTables
+from .filter import FilterObserver, FilterTables
 from .framer import FramerTables, Variation
 from .interval import IntervalObserver
 from .point import PointObserver, PointTables
@@ -13,15 +14,16 @@ from .schedule import ScheduleObserver, ScheduleTables
 from .supervisor import Supervision
 from .thresholds import ThresholdObserver, ThresholdTables
 from .tnl import TnlObserver
-from .trace import PointTrace, Trace
+from .trace import FilterTrace, PointTrace, Trace
 from .zonotope import ZonotopeObserver, ZonotopeTables
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
-            "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver}
+            "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
+            "filter": FilterObserver}
 
 __all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
-           "EllipsoidTables", "EllipsoidTraceObserver", "FramerTables", "IntervalObserver", "PointObserver",
-           "PointTables", "PointTrace", "Runner", "ScheduleObserver", "ScheduleTables", "Supervision",
-           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables", "Variation",
-           "ZonotopeObserver", "ZonotopeTables"]
+           "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables",
+           "IntervalObserver", "PointObserver", "PointTables", "PointTrace", "Runner", "ScheduleObserver",
+           "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace",
+           "TraceTables", "Variation", "ZonotopeObserver", "ZonotopeTables"]

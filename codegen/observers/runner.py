@@ -38,6 +38,11 @@ class Runner:
         return self.trace_class.empty(shape, len(t.box), t.C.shape[1], t.dtype)
 
     @classmethod
+    def answers(cls, shape: tuple[int, ...], record: dict, dtype) -> Trace:
+        """Allocate the answers of compiled C, whose ``resources.json`` is ``record``."""
+        return cls.trace_class.empty(shape, record["n_x"], record["n_y"], dtype)
+
+    @classmethod
     def read(cls, data: dict, sizes: tuple[int, int, int, int]):
         """Tables from design.json; ``sizes`` is (n_modes, n_x, n_u, n_y)."""
         return cls.tables_class.from_dict(data, sizes)

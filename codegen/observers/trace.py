@@ -113,3 +113,35 @@ class PointTrace(Rows):
         real = [np.full((*shape, n), np.nan, dtype=dtype) for n in (n_x, n_x, n_x, n_y, n_y)]
         bits = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
         return cls(*real, np.zeros(shape, bool), *bits, np.zeros(shape, bool), np.zeros(shape, dtype=np.int64))
+
+
+@dataclass(frozen=True)
+class FilterTrace(Rows):
+    """Answers of a fault estimation filter; row k is what it says at sample k.
+
+    Parameters
+    ----------
+    f_hat : ndarray (K, n_f)
+        Estimates of the (weighted) faults; NaN at a sample without measurement.
+    f_bound : ndarray (K, n_f)
+        Largest |f_hat| that is possible without a fault.
+    alarm, alarm_bits, latched_bits, raw_bits, assured, status
+        As in ``Trace``; bit j is fault channel j.
+    """
+
+    f_hat: Array
+    f_bound: Array
+    alarm: Array
+    alarm_bits: Array
+    latched_bits: Array
+    raw_bits: Array
+    assured: Array
+    status: Array
+
+    @classmethod
+    def empty(cls, shape: tuple[int, ...], n_f: int, n_y: int, dtype) -> FilterTrace:
+        """Allocate for runs of the given leading shape; ``n_y`` is not used."""
+        del n_y
+        real = [np.full((*shape, n_f), np.nan, dtype=dtype) for _ in range(2)]
+        bits = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
+        return cls(*real, np.zeros(shape, bool), *bits, np.zeros(shape, bool), np.zeros(shape, dtype=np.int64))

@@ -91,6 +91,11 @@ class ZonotopeTables:
         """Whether boxes are in other coordinates than those of x."""
         return len(self.B) > 0
 
+    @property
+    def unprinted(self) -> set[str]:
+        """Fields that the C does not hold: what reading H may lose is part of ``inside`` there."""
+        return {"e"} if self.oblique else set()
+
     def to_dict(self) -> dict:
         """Return plain lists and numbers for design.json."""
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}

@@ -24,12 +24,13 @@ SHAPES = {
     "C": ("y", "x"),
     "D": ("y", "u"),
     "Bw": ("x", "w"),
+    "Dw": ("y", "w"),
     "Dv": ("y", "v"),
     "Bf": ("x", "f"),
     "Df": ("y", "f"),
 }
 # Left out, these are zero.
-_ZERO_WHEN_MISSING = ("B", "D", "Bf", "Df")
+_ZERO_WHEN_MISSING = ("B", "D", "Dw", "Bf", "Df")
 
 Signals = Mapping[str, tuple[Signal, ...]]
 Rows = list[list[float | str]]

@@ -50,7 +50,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class Mode:
-    """One mode of the plant: x+ = A x + B u + Bw w + Bf f, y = C x + D u + Dv v + Df f.
+    """One mode of the plant: x+ = A x + B u + Bw w + Bf f, y = C x + D u + Dw w + Dv v + Df f.
 
     Parameters
     ----------
@@ -67,6 +67,8 @@ class Mode:
         Matrix name -> tuple of n_theta arrays: the entry is ``A + sum_j theta_j * theta_terms["A"][j]``.
     theta_bounds : (ndarray, ndarray) or None
         Bounds of theta in this mode, where they differ from those of ``[signals]``.
+    Dw : ndarray (n_y, n_w)
+        What the disturbance does to the outputs; zero where it is not given.
     """
 
     name: str
@@ -84,6 +86,11 @@ class Mode:
     v_hi: Array
     theta_terms: dict[str, tuple[Array, ...]] = field(default_factory=dict)
     theta_bounds: tuple[Array, Array] | None = None
+    Dw: Array | None = None
+
+    def __post_init__(self):
+        if self.Dw is None:
+            object.__setattr__(self, "Dw", np.zeros((len(self.C), self.Bw.shape[1])))
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ def plant_from(
     f: Limits | None = None,
     Bw: Any = None,
     Dv: Any = None,
+    Dw: Any = None,
     Bf: Any = None,
     Df: Any = None,
     name: str = "plant",
@@ -49,8 +50,8 @@ def plant_from(
         Ranges, as for w; without them a channel has no range.
     f : sequence or mapping, optional
         Ranges of the faults; without it there is none.
-    Bw, Dv, Bf, Df : array_like, optional
-        Shapes (n_x, n_w), (n_y, n_v), (n_x, n_f), (n_y, n_f); a list of them is one per mode.
+    Bw, Dv, Dw, Bf, Df : array_like, optional
+        Shapes (n_x, n_w), (n_y, n_v), (n_y, n_w), (n_x, n_f), (n_y, n_f); a list of them is one per mode.
     name : str
         Plant name.
     modes : sequence of str, optional
@@ -78,7 +79,7 @@ def plant_from(
     """
     try:
         systems = list(system) if isinstance(system, list | tuple) else [system]
-        tables["mode"] = _modes(systems, modes, {"Bw": Bw, "Dv": Dv, "Bf": Bf, "Df": Df})
+        tables["mode"] = _modes(systems, modes, {"Bw": Bw, "Dw": Dw, "Dv": Dv, "Bf": Bf, "Df": Df})
         first = tables["mode"][0]
         sizes = {"x": len(first["A"]), "u": len(first["B"][0]), "y": len(first["C"])}
         signals = {"x": x, "u": u, "y": y, "w": w, "v": v, "f": f}

@@ -19,6 +19,7 @@ from itertools import product
 import numpy as np
 
 from codegen.algebra.admissibility import lyapunov_matrix
+from codegen.algebra.discrete_admissibility import discrete_lyapunov_matrix
 from codegen.algebra.visibility import Visibility, by_rank, by_svd, by_weierstrass
 
 from .model import Mode, Plant
@@ -183,7 +184,7 @@ def vertex_properties(plant: Plant) -> list[DescriptorProperties]:
     return [descriptor_properties(v.name, p.E, v.A, p.C, plant.kind) for v in p.vertices]
 
 
-def hull_admissible(plant: Plant) -> bool | None:
+def hull_admissible(plant: Plant) -> bool:
     """Whether one Lyapunov matrix proves a polytopic plant admissible for every weight, however it moves.
 
     Parameters
@@ -192,9 +193,8 @@ def hull_admissible(plant: Plant) -> bool | None:
 
     Returns
     -------
-    bool or None
-        False: none was found, which proves nothing. None: the condition is for continuous time.
+    bool
+        False: none was found, which proves nothing.
     """
-    if plant.kind != "continuous":
-        return None
-    return lyapunov_matrix(plant.polytope.E, [v.A for v in plant.polytope.vertices]) is not None
+    find = lyapunov_matrix if plant.kind == "continuous" else discrete_lyapunov_matrix
+    return find(plant.polytope.E, [v.A for v in plant.polytope.vertices]) is not None

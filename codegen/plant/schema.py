@@ -12,7 +12,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat
 
 from codegen.plant import values
 
-MATRIX_NAMES = ("A", "B", "C", "D", "Bw", "Dv", "Bf", "Df")
+MATRIX_NAMES = ("A", "B", "C", "D", "Bw", "Dw", "Dv", "Bf", "Df")
 
 
 Interval = Annotated[list[float], BeforeValidator(values.interval)]
@@ -94,6 +94,7 @@ class MatricesTable(Table):
     C: Matrix | None = None
     D: Matrix | None = None
     Bw: Matrix | None = None
+    Dw: Matrix | None = None
     Dv: Matrix | None = None
     Bf: Matrix | None = None
     Df: Matrix | None = None

@@ -1,8 +1,8 @@
 """The true plant, simulated in float64: what the observers are tested against.
 
-x+ = A x + B u + Bw w + Bf f,  y = C x + D u + Dv v + Df f,  with the matrices of mode q[k] at theta[k]; of a continuous
-plant x' in place of x+, integrated between the samples (``continuous``), where w and theta move too. Polytopic plants
-are in ``descriptor``.
+x+ = A x + B u + Bw w + Bf f,  y = C x + D u + Dw w + Dv v + Df f,  with the matrices of mode q[k] at theta[k]; of a
+continuous plant x' in place of x+, integrated between the samples (``continuous``), where w and theta move too.
+Polytopic plants are in ``descriptor``.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def matrices_at(mode: Mode, theta: Array) -> dict[str, Array]:
     matrices : dict
         "A", "B", ... -> ndarray.
     """
-    names = ("A", "B", "C", "D", "Bw", "Dv", "Bf", "Df")
+    names = ("A", "B", "C", "D", "Bw", "Dw", "Dv", "Bf", "Df")
     matrices = {name: getattr(mode, name) for name in names}
     for name, terms in mode.theta_terms.items():
         matrices[name] = matrices[name] + sum(value * term for value, term in zip(theta, terms))
@@ -168,7 +168,7 @@ def _simulated(
     for k in range(steps):
         m = matrices_at(plant.modes[q[k]], theta[k])
         x[k] = state
-        y[k] = m["C"] @ state + m["D"] @ u[k] + m["Dv"] @ v[k] + m["Df"] @ f[k]
+        y[k] = m["C"] @ state + m["D"] @ u[k] + m["Dv"] @ v[k] + m["Df"] @ f[k] + m["Dw"] @ w[k]
         state = m["A"] @ state + m["B"] @ u[k] + m["Bw"] @ w[k] + m["Bf"] @ f[k]
     return PlantTrace(x=x, u=u, y=y, q=told(plant, q, rng), theta=reading(plant, scenario, theta, rng), w=w, v=v, f=f)
 
@@ -223,7 +223,7 @@ def _integrated(
     for k in range(steps):
         mode = plant.modes[q[k]]
         x[k] = state
-        y[k] = mode.C @ state + mode.D @ u[k] + mode.Dv @ v[k] + mode.Df @ f[k]
+        y[k] = mode.C @ state + mode.D @ u[k] + mode.Dw @ w[k * PIECES] + mode.Dv @ v[k] + mode.Df @ f[k]
         for i in range(PIECES):
             now = k * PIECES + i
             ends = [np.where(held, u[k], ramps[k] + (i + e) / PIECES * (ramps[k + 1] - ramps[k])) for e in (0, 1)]
@@ -239,15 +239,18 @@ def _recorded(plant: Plant, scenario: Scenario, record: Record, theta: Array | N
         name: np.full((steps, n), np.nan)
         for name, n in (("x", plant.n_x), ("w", plant.n_w), ("v", plant.n_v))
     }
-    if plant.theta and theta is None:
+    if plant.theta and theta is None and not any(s.measured for s in plant.theta) and not record.has(plant.theta):
+        empty["theta"] = np.full((steps, len(plant.theta)), np.nan)  # nobody measures them: a record may go without
+    elif plant.theta and theta is None:
         if not record.has(plant.theta):
             raise PlantError(f'{record.name}: has no column "{plant.theta[0].name}". Add it, or give theta.')
         theta = record.numbers(plant.theta)[:steps]
+    if "theta" not in empty:
+        empty["theta"] = given_theta(plant, np.empty((steps, 0)) if theta is None else theta, steps)
     return PlantTrace(
         u=inputs(plant, scenario, record),
         y=record.numbers(plant.y, gaps=True)[:steps],
         q=mode_signal(plant, scenario, record),
-        theta=given_theta(plant, np.empty((steps, 0)) if theta is None else theta, steps),
         f=faults(plant, scenario, record),
         **empty,
     )

@@ -47,6 +47,8 @@ class UncertainMode(Mode):
         Measured parameter j for which the unknown is at most 1 - (change of theta_j over the step / reach_j)^2; -1: 1.
     reach : ndarray (J,)
         Largest change of each measured parameter over a step; empty where none is paced.
+    more : dict
+        Of the other matrices that depend on unknowns: name -> ndarray (S, rows, columns), the effects of the same s.
     """
 
     A_theta: Array = field(default=None)
@@ -61,6 +63,7 @@ class UncertainMode(Mode):
     products: tuple[tuple[int, int], ...] = ()
     paced: Array = field(default=None)
     reach: Array = field(default=None)
+    more: dict[str, Array] = field(default_factory=dict)
 
     @property
     def box(self) -> tuple[Array, Array]:
@@ -89,7 +92,7 @@ def observed(plant: Plant) -> Plant:
     Raises
     ------
     DesignError
-        A matrix other than A and B depends on theta.
+        The sampling period is far too long for a continuous plant.
     """
     if not is_uncertain(plant):
         return plant
@@ -114,9 +117,15 @@ def _parts(plant: Plant, mode: Mode) -> UncertainMode:
         sizes = np.where(known, error, radius)
         changed[f"{name}_unc"] = (sizes[:, None, None] * slopes)[sizes > 0]
         changed[f"{name}_rad"] = _slip(changed[name], slopes, middle, radius)
+    more: dict[str, Array] = {}
+    for name in set(mode.theta_terms) - set(SCHEDULED):
+        slopes = np.array(mode.theta_terms[name])
+        changed[name] = getattr(mode, name) + np.einsum("j,jab->ab", middle, slopes)
+        more[name] = (radius[:, None, None] * slopes)[np.where(known, error, radius) > 0]
     box = {"theta_lo": (lo - error)[known], "theta_hi": (hi + error)[known]}
-    plain = {k: getattr(mode, k) for k in ("name", "C", "D", "Bw", "Dv", "Bf", "Df", "w_lo", "w_hi", "v_lo", "v_hi")}
-    return UncertainMode(**plain, **changed, **box, Bf_rad=np.zeros_like(mode.Bf))
+    plain = {k: getattr(mode, k) for k in ("name", "C", "D", "Bw", "Dw", "Dv", "Bf", "Df", "w_lo", "w_hi", "v_lo",
+                                                "v_hi")}
+    return UncertainMode(**plain | changed, **box, more=more, Bf_rad=np.zeros_like(mode.Bf))
 
 
 def _slip(base: Array, slopes: Array, middle: Array, radius: Array) -> Array:

@@ -55,6 +55,8 @@ def polytope_of(file: PlantFile, signals: Signals) -> Polytope | None:
         raise PlantError(f"{place}: [[mode]] tables are given too (found {len(file.mode)}). Give one of them.")
     if file.switching != SwitchingTable():
         raise PlantError(f"{place}: has no modes to switch between (found [switching]). Remove [switching].")
+    if file.common.Dw is not None:
+        raise PlantError(f"common.Dw: a plant of {place} has none (found one). Bound what w does to y by v.")
     names = names_of(file, signals)
     common = {name: _matrix(name, file, signals) for name in ("E", "C", "D", "Dv", "Df")}
     if file.vertex:

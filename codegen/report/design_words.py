@@ -9,8 +9,8 @@ import numpy as np
 
 from ..analysis.detectability import limited, ultimate_errors
 from ..certify.claims import ultimate_width
-from ..observers import PointTables
-from . import parameter_words, words
+from ..observers import FilterTables, PointTables
+from . import filter_words, parameter_words, words
 from .plant_words import reach
 from .table import Cell, Fact, Folded, Row, Table, table
 
@@ -66,9 +66,12 @@ def _sentence(claim: str) -> str:
 
 def proved_switching(cert: dict) -> str:
     """Say for which switching the certificate's level holds."""
-    if cert["kind"] != "linf" or limited(cert) is None:
+    if cert["kind"] == "filter" and cert["dwell_add"]:
+        tau, chatter = cert["dwell_add"] / cert["dwell_drain"], cert["dwell_limit"] / cert["dwell_add"]
+    elif cert["kind"] != "linf" or limited(cert) is None:
         return "any switching, as fast as every sample"
-    tau, chatter = limited(cert)
+    else:
+        tau, chatter = limited(cert)
     return (f"switching with an average dwell time of at least {tau:g} samples and chatter bound {chatter:g}; the "
             "firmware watches it and withdraws “assured” when it is faster")
 
@@ -80,6 +83,7 @@ def is_point(design, real: str) -> bool:
 
 def _facts(design, real: str) -> tuple[Fact, ...]:
     criterion = design.options.get("criterion", "")
+    own = filter_words.facts(design, real) if is_filter(design, real) else ()
     tried = words.count(len(design.choice), "certified design")
     if "gains" in design.options:
         why = "the gains were given in the plant file; they were certified, not chosen"
@@ -88,7 +92,7 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
     else:
         why = f"of {tried}, {WHY.get(criterion, WHY[''])}"
     asked = f"“{criterion}” was asked for" if criterion else "none was asked for"
-    return (Fact("Method", f"{design.method}: {_family(design)}{_varying(design, real)}"),
+    return (Fact("Method", f"{design.method}: {_family(design)}{_varying(design, real)}"), *own,
             Fact("Criterion", f"{asked}; {why}"),
             Fact("Proved for", proved_switching(design.certificate[real])
                  + ("; the parameters anywhere within their bounds" if design.plant.theta else "")),
@@ -144,6 +148,8 @@ def settled_width(design, real: str) -> np.ndarray | None:
 
 
 def _bounds(design, real: str) -> tuple[Table, ...]:
+    if is_filter(design, real):
+        return filter_words.tables(design, real)
     width = settled_width(design, real)
     if width is None:
         return ()
@@ -167,6 +173,7 @@ def _assumed(design, real: str) -> tuple[str, ...]:
              "At init the state is in its initial box; at all times it is in its declared range. The range "
              + ("cuts the bounds at every call." if tables.clamp else
                 "is where the estimate and its set restart after a fault." if isinstance(tables, PointTables) else
+                "is where the thresholds restart after a fault." if is_filter(design, real) else
                 "is where the bounds restart after a fault, and cuts them while a measurement is missing."),
              "Disturbance and noise keep to the bounds listed above."]
     items += parameter_words.assumed(plant)
@@ -176,16 +183,28 @@ def _assumed(design, real: str) -> tuple[str, ...]:
     return tuple(items)
 
 
+_FILTER_LIMITS = (
+    "That the estimate is the fault at every sample: the energy gain bounds the error over a run, started from rest.",
+    "That the alarm lasts as long as the fault: it lasts as long as the estimate exceeds its bound. Where the estimate "
+    "has come back the thresholds restart from the declared ranges, and the estimate goes on.",
+    "Which fault it is, where several can act: every fault may move every estimate.")
+
+
+def _limits(design, point: bool) -> tuple[str, ...]:
+    """What observers with bounds of the state do not guarantee."""
+    return ("The state bounds while a fault acts. A fault too small to be seen can act while “assured” is set: it "
+            "means that nothing measured contradicts the assumptions.",
+            "That the alarm lasts as long as the fault. After an alarm the observer restarts from the declared ranges "
+            "and may then take a constant fault for part of the plant"
+            + ("; the latched bits remember it." if design.observer.supervision.latch else "."),
+            "Which fault it is. An alarm bit says which output left its bounds"
+            + (" (the last one: all of them together), not why." if point and design.plant.n_y > 1 else ", not why."))
+
+
 def _not_guaranteed(design, real: str) -> tuple[str, ...]:
     debounce, point = design.observer.supervision.debounce, is_point(design, real)
     items = ["That a fault below the thresholds is found. It may be, or may not.",
-             "The state bounds while a fault acts. A fault too small to be seen can act while “assured” is set: it "
-             "means that nothing measured contradicts the assumptions.",
-             "That the alarm lasts as long as the fault. After an alarm the observer restarts from the declared ranges "
-             "and may then take a constant fault for part of the plant"
-             + ("; the latched bits remember it." if design.observer.supervision.latch else "."),
-             "Which fault it is. An alarm bit says which output left its bounds"
-             + (" (the last one: all of them together), not why." if point and design.plant.n_y > 1 else ", not why."),
+             *(_FILTER_LIMITS if is_filter(design, real) else _limits(design, point)),
              "Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
              "with the observer settled before it.", *parameter_words.not_guaranteed(design.plant)]
     if debounce != (1, 1):
@@ -194,6 +213,11 @@ def _not_guaranteed(design, real: str) -> tuple[str, ...]:
     if design.certificate[real]["kind"] == "none":
         items.append("Any level on the width: the gains given were certified for containment alone.")
     return tuple(items)
+
+
+def is_filter(design, real: str) -> bool:
+    """Whether the firmware estimates faults, without bounds of the state."""
+    return isinstance(design.observer.tables[real], FilterTables)
 
 
 def varies(design, real: str) -> bool:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
-from ..observers import PointTables
-from . import point_words, words
+from ..observers import FilterTables, PointTables
+from . import filter_words, point_words, words
 from .table import Fact, Folded, Link, Table, table
 
 FILES = {
@@ -93,6 +93,8 @@ def gains(design, real: str) -> tuple[Folded, ...]:
     tuple of Folded
     """
     t, plant = design.observer.tables[real], design.plant
+    if isinstance(t, FilterTables):
+        return filter_words.gains(design, real, _matrix)
     if isinstance(t, PointTables):
         return point_words.gains(design, real, _matrix)
     x, u, y = ([s.name for s in getattr(plant, vector)] for vector in "xuy")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..analysis.validate import Episode, Outcome
+from ..observers import FilterTrace
 from . import words
-from .design_words import NEVER, hides, settled_width
+from .design_words import NEVER, hides, is_filter, settled_width
 from .table import Cell, Folded, Table, table, verdict
 
 FEW = 6  # episodes that are shown without a click
@@ -79,8 +80,11 @@ def promise(design, real: str, outcome: Outcome, e: Episode) -> tuple[int | None
     if any(np.any(f[e.start:e.stop, j] != 0) for j, name in enumerate(names) if name != e.channel):
         return None, "several faults at once"
     before = e.start - 1
-    if (width is None or e.start == 0 or not (trace.assured[before] and outcome.settled[before])
-            or np.any(trace.x_hi[e.start] - trace.x_lo[e.start] > width)):
+    if is_filter(design, real):
+        wide = not np.all(trace.f_bound[e.start] <= design.observer.tables[real].h[-1, outcome.truth.q[e.start]])
+    else:
+        wide = width is None or np.any(trace.x_hi[e.start] - trace.x_lo[e.start] > width)
+    if wide or e.start == 0 or not (trace.assured[before] and outcome.settled[before]):
         return None, "the observer had not settled"
     values = f[e.start:e.stop, names.index(e.channel)]
     by_delay = next(x for x in design.detection[real] if x["channel"] == e.channel)["by_delay"]
@@ -88,10 +92,10 @@ def promise(design, real: str, outcome: Outcome, e: Episode) -> tuple[int | None
     for d, size in enumerate(by_delay):
         if size is None or abs(values[0]) < size:
             continue
-        step, measured = values[:d + 1], ~np.isnan(trace.r_lo[e.start:e.start + d + 1])
+        step, measured = values[:d + 1], ~np.isnan(trace.numbers()[-2][e.start:e.start + d + 1])
         if len(step) == d + 1 and np.all(step == step[0]) and measured.all():
             t, at = design.observer.tables[real], slice(e.start, e.start + d + 1)
-            far = np.any((trace.x_hi[at] <= t.x_lo) | (trace.x_lo[at] >= t.x_hi))
+            far = not is_filter(design, real) and np.any((trace.x_hi[at] <= t.x_lo) | (trace.x_lo[at] >= t.x_hi))
             return (None, "a bound on the far end of the range") if far and hides(design, real, e.channel) else (d, "")
         reason = "too short, no step, or a sample is missing"
     if np.any(values != values[0]):
@@ -169,6 +173,8 @@ def _when(outcome: Outcome, period: float) -> str:
 def _fooled(outcome: Outcome) -> str:
     """Tell of samples at which an unseen fault made the firmware sure of wrong bounds."""
     o, fault = outcome, np.any(outcome.truth.f != 0, axis=1)
+    if isinstance(o.trace, FilterTrace):
+        return ""
     outside = np.any((o.truth.x > o.trace.x_hi) | (o.truth.x < o.trace.x_lo), axis=1)
     n = int(np.sum(fault & outside & o.trace.assured))
     if n == 0:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from ..analysis import plots, svg
 from ..analysis.panels import Run, joint_only
 from ..analysis.validate import Episode, Outcome
+from ..observers import FilterTrace
 from . import words
 from .table import Plot
 
@@ -19,6 +20,8 @@ JOINTLY = (" “Only jointly”: every residual is within its own bound, and all
 MANY = 3  # faults from which it does too
 RESIDUAL = ("While zero lies between the bounds, the measurement agrees with the plant; where it does not, a fault is "
             "proved. Bounds that restart from the declared ranges after an alarm may run off the panel.")
+ESTIMATE = ("While the estimate is within the band, it may all be disturbance; beyond it a fault is proved. The "
+            "band is wide for a while after a start, and where a fault has been seen and is over.")
 
 
 def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
@@ -36,7 +39,7 @@ def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
     tuple of Plot
     """
     run, title = plots.whole(plant, o.truth, o.trace), o.scenario.name
-    caption = RESIDUAL + (JOINTLY if joint_only(run).any() else "")
+    caption = ESTIMATE if isinstance(o.trace, FilterTrace) else RESIDUAL + (JOINTLY if joint_only(run).any() else "")
     every = Plot(inline(plots.residual_figure(run), f"{name}r", f"Residuals of scenario {title}"), caption)
     if not o.episodes or (len(o.episodes) <= MANY and len(o.trace.status) <= LONG):
         return (every,)
@@ -49,6 +52,8 @@ def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
 
 def states(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
     """Plot the state bounds of a scenario; the parameters are those of ``residuals``."""
+    if isinstance(o.trace, FilterTrace):
+        return ()
     run = plots.whole(plant, o.truth, o.trace)
     known = "" if run.simulated else " A record has no true state to compare with."
     return (Plot(inline(plots.state_figure(run), f"{name}x", f"State bounds of scenario {o.scenario.name}"),

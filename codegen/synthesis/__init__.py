@@ -5,7 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import ModuleType
 
-from . import component_interval, ellipsoid, interval, lpv_interval, tnl_interval, tnl_interval_lpv, zonotope
+from . import (
+    component_interval,
+    ellipsoid,
+    fault_filter,
+    interval,
+    lpv_interval,
+    tnl_interval,
+    tnl_interval_lpv,
+    zonotope,
+)
 from .framers import OPTIONS, check_options
 
 
@@ -69,6 +78,8 @@ METHODS = {
                        "Zammali (2020), Theorems 19, 20", zonotope, automatic=False),
     "ellipsoid": Method(("discrete switched",), "ellipsoid", "point observer, residual set an ellipsoid",
                         "Zammali (2020), Theorem 21", ellipsoid, automatic=False),
+    "hinf-filter": Method(("discrete switched", "discrete LPV"), "filter", "filter that estimates faults, H-infinity",
+                          "Farhat, Koenig (2016)", fault_filter, automatic=False),
 }
 #: Options of every method with an error set.
 SETS = {"set": ("zonotope", "ellipsoid", "interval"), "order": (2, 200),
@@ -81,7 +92,8 @@ def known_options(methods: list[str]) -> dict:
     """Options that some of the methods read, with what they may be; words of several methods are joined."""
     known: dict = {}
     for name in methods:
-        own = OPTIONS if METHODS[name].framers else SETS | METHODS[name].module.OPTIONS
+        entry = METHODS[name]
+        own = OPTIONS if entry.framers else ({} if entry.family == "filter" else SETS) | entry.module.OPTIONS
         for key, allowed in own.items():
             words = isinstance(allowed, tuple) and isinstance(allowed[0], str)
             known[key] = tuple(dict.fromkeys((*known.get(key, ()), *allowed))) if words else allowed

@@ -92,8 +92,28 @@ def inapplicable_varying(plant, tnl: bool, split: bool = False) -> str | None:
     return common_reason(plant, tnl, "lpv-interval")
 
 
+def through_reason(plant) -> str | None:
+    """What stands in the way where the disturbance is in the outputs as well; None if nothing does."""
+    if any(np.any(m.Dw) for m in plant.modes):
+        return ('Dw is not zero: a disturbance is in y too, expected noise v alone there. Use method "hinf-filter", or '
+                "bound that part by v.")
+    return None
+
+
 def common_reason(plant, tnl: bool, classical: str) -> str | None:
     """What stands in the way of any interval observer; ``classical``: the method without N. None if nothing does."""
+    if (reason := through_reason(plant) or basic_reason(plant)) is not None:
+        return reason
+    if tnl and any(np.any(m.D) for m in plant.modes):
+        return f'D is not zero; the new measurement would need the new input. Use method "{classical}".'
+    if tnl and any(not np.array_equal(m.C, plant.modes[0].C) for m in plant.modes):
+        return ('C differs between modes, so T + N C = I would need one N per pair of modes. Use method '
+                f'"{classical}", or a common C.')
+    return None
+
+
+def basic_reason(plant) -> str | None:
+    """What stands in the way of any observer with checks of its inputs; None if nothing does."""
     if not plant.switching.known:
         return "the mode is not known at run time, expected switching.known = true."
     if plant.n_y == 0:
@@ -103,11 +123,6 @@ def common_reason(plant, tnl: bool, classical: str) -> str | None:
             if not (np.isfinite(signal.lo) and np.isfinite(signal.hi)):
                 return (f'signals.{vector} "{signal.name}" has no range, expected range = [lo, hi]: rounding margins, '
                         "input checks and recovery need it. Add one.")
-    if tnl and any(np.any(m.D) for m in plant.modes):
-        return f'D is not zero; the new measurement would need the new input. Use method "{classical}".'
-    if tnl and any(not np.array_equal(m.C, plant.modes[0].C) for m in plant.modes):
-        return ('C differs between modes, so T + N C = I would need one N per pair of modes. Use method '
-                f'"{classical}", or a common C.')
     return None
 
 

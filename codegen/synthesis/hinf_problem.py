@@ -120,6 +120,7 @@ def problem_of(plant) -> FilterProblem:
     ----------
     plant : Plant
         With at least one fault. Unknown and measured parameters both count as unknown: the filter knows the mode only.
+        Matrices other than A and B may depend on parameters that nobody measures, in discrete time.
 
     Returns
     -------
@@ -128,14 +129,14 @@ def problem_of(plant) -> FilterProblem:
     Raises
     ------
     DesignError
-        No fault to estimate, or a parameter outside A and B.
+        No fault to estimate, or a measured parameter outside A and B.
     """
     if not plant.f:
         raise DesignError(f"{plant.name}: hinf-filter estimates faults (signals.f is empty). Declare one.")
     for m in plant.modes:
-        for name in set(m.theta_terms) - {"A", "B"}:
-            raise DesignError(f'{plant.name}: modes.{m.name}.{name} depends on a parameter (hinf-filter takes them in '
-                              "A and B of a plant file). Bound its effect by w or v.")
+        for name in () if unmeasured(plant) else set(m.theta_terms) - {"A", "B"}:
+            raise DesignError(f'{plant.name}: modes.{m.name}.{name} depends on a parameter (hinf-filter takes measured '
+                              "ones in A and B of a plant file). Bound its effect by w or v.")
     plant = plant.observed
     size = {v: _sizes(*plant.limits(v)) for v in "uf"}
     modes = []
@@ -144,10 +145,9 @@ def problem_of(plant) -> FilterProblem:
         n_x, n_y, n_u = plant.n_x, plant.n_y, plant.n_u
         place = np.zeros((n_x + n_u, n_x + len(w) + len(v) + n_u + plant.n_f))
         place[:n_x, :n_x], place[n_x:, -n_u - plant.n_f:-plant.n_f] = np.eye(n_x), np.diag(size["u"])
-        A, B, blocks = _uncertain(m, n_x + n_y + n_u, place)
-        Dw = getattr(m, "Dw", np.zeros((n_y, len(w))))
+        A, B, blocks = _uncertain(m, n_x + n_y + n_u, place, _others(m, (w, v, size["u"], size["f"])))
         E_d = np.hstack([m.Bw * w, np.zeros((n_x, len(v))), B * size["u"]])
-        F_d = np.vstack([np.hstack([Dw * w, m.Dv * v, m.D * size["u"]]),
+        F_d = np.vstack([np.hstack([m.Dw * w, m.Dv * v, m.D * size["u"]]),
                          np.hstack([np.zeros((n_u, len(w) + len(v))), np.diag(size["u"])])])
         C = np.vstack([m.C, np.zeros((n_u, n_x))])
         F_f = np.vstack([m.Df * size["f"], np.zeros((n_u, plant.n_f))])
@@ -157,6 +157,38 @@ def problem_of(plant) -> FilterProblem:
         add, drain = ratio(max(tau / plant.sample_period * (1 - 1e-9), 1.0))
         switching = dwell_time(plant.n_modes, add, drain, int(plant.switching.chatter * add))
     return FilterProblem(tuple(m.name for m in plant.modes), tuple(modes), switching, plant.n_x)
+
+
+def unmeasured(plant) -> bool:
+    """Whether a plant has parameters in discrete time that nobody measures, and no others."""
+    return plant.kind == "discrete" and bool(plant.theta) and not any(s.measured for s in plant.theta)
+
+
+def _others(m, sizes) -> list[Array]:
+    """Effects of each unknown on [x+; y] through the matrices other than A and B, over [x; w; v; u; f] of size one."""
+    more = getattr(m, "more", {})
+    if not more:
+        return []
+    shapes = (("", "Bw", "", "", "Bf"), ("C", "Dw", "Dv", "D", "Df"))
+    out = []
+    for effect in range(len(m.A_unc)):
+        rows = []
+        for names, height in zip(shapes, (len(m.A), len(m.C))):
+            rows.append(np.hstack([(more[name][effect] if name in more else np.zeros((height, len(s)))) * s
+                                   for name, s in zip(names, (np.ones(len(m.A)), *sizes))]))
+        out.append(np.vstack(rows))
+    return out
+
+
+def is_slight(block: Block) -> bool:
+    """Whether a full block holds no more than what rounding leaves over: too little for a solver to see."""
+    return not block.repeated and np.linalg.norm(block.H) * np.linalg.norm(block.S) < 1e-7
+
+
+def without_slight(problem: FilterProblem) -> FilterProblem:
+    """The same without those blocks; what is found for it has to be certified with them."""
+    return replace(problem, modes=tuple(replace(m, blocks=tuple(b for b in m.blocks if not is_slight(b)))
+                                        for m in problem.modes))
 
 
 def in_coordinates(problem: FilterProblem, T: Array) -> FilterProblem:
@@ -236,8 +268,11 @@ def elementwise(R: Array, rows: int) -> Block:
     return Block(H, S, False)
 
 
-def _uncertain(m, rows: int, place: Array) -> tuple[Array, Array, list[Block]]:
-    """A, B in the middle of the bounds, and blocks of what is uncertain; ``place`` takes [x; d] to [x; u]."""
+def _uncertain(m, rows: int, place: Array, others: list[Array]) -> tuple[Array, Array, list[Block]]:
+    """A, B in the middle of the bounds, and blocks of what is uncertain; ``place`` takes [x; d] to [x; u].
+
+    ``others`` are what the first unknowns do through the other matrices, (n_x + n_y, n_x + n_d) each.
+    """
     if not hasattr(m, "A_unc"):
         return m.A, m.B, []
     middle, radius = (m.theta_lo + m.theta_hi) / 2, (m.theta_hi - m.theta_lo) / 2
@@ -245,12 +280,20 @@ def _uncertain(m, rows: int, place: Array) -> tuple[Array, Array, list[Block]]:
     M = np.hstack([m.A, m.B])
     centre = M + sum((t * d for t, d in zip(middle, slopes)), 0 * M)
     effects = [np.hstack([a, b]) for a, b in zip(m.A_unc, m.B_unc)] + [r * d for r, d in zip(radius, slopes)]
-    effects = [d for d in effects if np.any(d)]
+    moved = [d @ place for d in effects]
+    for k, d in enumerate(others):
+        whole = d.copy()
+        whole[:len(moved[k])] += moved[k]
+        moved[k] = whole
+    moved = [d for d in moved if np.any(d)]
     # What float64 loses of the centre and of the products H S.
     slip = np.abs(M) + sum((abs(t) * np.abs(d) for t, d in zip(middle, slopes)), 0 * M)
     slip = slip + sum((np.linalg.norm(d) + 0 * M for d in effects), 0 * M)
     rest = np.hstack([m.A_rad, m.B_rad]) + 2.0**-44 * slip
-    blocks = [repeated(d @ place, rows) for d in effects]
-    if effects or np.any(m.A_rad) or np.any(m.B_rad):
-        blocks.append(elementwise(rest @ place, rows))
+    rest = np.vstack([rest @ np.abs(place), np.zeros((rows - len(rest), place.shape[1]))])
+    for d in moved if others else ():  # the factors of these have rows in y too
+        rest[:len(d)] += 2.0**-44 * np.linalg.norm(d) * (np.abs(d).sum(axis=0) > 0)
+    blocks = [repeated(d, rows) for d in moved]
+    if moved or np.any(m.A_rad) or np.any(m.B_rad):
+        blocks.append(elementwise(rest, rows))
     return centre[:, :m.A.shape[1]], centre[:, m.A.shape[1]:], blocks

@@ -139,7 +139,8 @@ def test_every_number_of_the_tables_is_there(folder, made):
 def every_number_of_a_set(t, found, modes):
     """Estimate, set, box and input checks, each entry with its value; fields with equal numbers have one name."""
     stems = {key[0] for key in found}
-    for name in (*"MGLNdABaCDc", "box", "u_lo", "u_hi", "y_lo", "y_hi", *vars(t.shape)):
+    printed = [k for k in vars(t.shape) if k not in getattr(t.shape, "unprinted", ())]
+    for name in (*"MGLNdABaCDc", "box", "u_lo", "u_hi", "y_lo", "y_hi", *printed):
         value = getattr(t.shape, name) if name in vars(t.shape) else getattr(t, name)
         stem = f"{name} of the set" if name in vars(t) and name in vars(t.shape) else name
         if stem not in stems or not isinstance(value, np.ndarray):

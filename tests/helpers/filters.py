@@ -10,6 +10,8 @@ import numpy as np
 from flint import arb
 
 from codegen.algebra.automaton import arbitrary
+from codegen.certify.filter_model import joint_mode
+from codegen.filter_tables import corners, floats
 from codegen.plant.load import loads
 from codegen.synthesis.hinf_cover import covered_mode
 from codegen.synthesis.hinf_problem import FilterProblem, problem_of
@@ -22,10 +24,7 @@ DATA = Path(__file__).parents[1] / "data"
 def farhat(uncertain: bool = True, weights: bool = False) -> FilterProblem:
     """The example of the slides, through the plant file."""
     text = (DATA / "farhat.toml").read_text()
-    plain = "\n".join(line for line in text.splitlines() if not line.startswith("Dw"))
-    plant = loads(plain).observed
-    for mode, table in zip(plant.modes, tomllib.loads(text)["mode"]):
-        object.__setattr__(mode, "Dw", np.array(table["Dw"], dtype=float))
+    plant = loads(text)
     problem = problem_of(plant)
     if weights:
         options = plant.options
@@ -75,3 +74,29 @@ def vehicle(measured: str = "both", speeds=None, data: dict | None = None) -> Fi
     names = tuple(f"{a:.3g} to {b:.3g} m/s" for a, b in zip(speeds, speeds[1:]))
     problem = FilterProblem(names, modes, arbitrary(len(modes)), 2)
     return weighted(problem, low_pass(f["target"], f["sample_period"]))
+
+
+def hostile(d, q, seed: int, anywhere: bool = False):
+    """u and y of a run without fault: unknown numbers at their ends, all else at the side that drives the last |f_hat|.
+
+    Where bounds are not symmetric the driving values are cut to them, so that the run is possible.
+    """
+    plant, t, rng = d.plant, d.observer.tables["float64"], np.random.default_rng(seed)
+    every = [[(c, joint_mode(c, t, p)) for c in corners(m)] for p, m in enumerate(plant.observed.modes)]
+    chosen = [every[p][rng.integers(len(every[p]))] for p in q]
+    sizes = [plant.n_w, plant.n_v, plant.n_u]
+    row, sign = floats(chosen[-1][1].O)[seed % plant.n_f], []
+    for k in reversed(range(len(q))):
+        W = floats(chosen[k][1].W)
+        sign.insert(0, np.where(row @ W > 0, 1, -1) if k < len(q) - 1 else rng.choice([-1, 1], W.shape[1]))
+        row = row @ floats(chosen[k][1].J) if k < len(q) - 1 else row
+    start = plant.limits("x") if anywhere else (plant.x0_lo, plant.x0_hi)
+    x, u, y = np.where(row[:plant.n_x] > 0, start[1], start[0]), [], []
+    for k, (m, _) in enumerate(chosen):
+        w, v, now = np.split(sign[k][:sum(sizes)], np.cumsum(sizes)[:2])
+        limits = (m.w_lo, m.w_hi), (m.v_lo, m.v_hi), plant.limits("u")
+        w, v, now = (np.clip(s * np.maximum(-lo, hi), lo, hi) for s, (lo, hi) in zip((w, v, now), limits))
+        u.append(now)
+        y.append(m.C @ x + m.D @ now + m.Dw @ w + m.Dv @ v)
+        x = m.A @ x + m.B @ now + m.Bw @ w
+    return np.array(u), np.array(y)

@@ -16,6 +16,10 @@ from helpers.pencils import A26, CHAPTER_3_C, CHAPTER_4, random_pencil  # noqa: 
 from codegen import METHODS, show  # noqa: E402
 from codegen.algebra import admissibility  # noqa: E402
 from codegen.algebra.admissibility import is_lyapunov_matrix, left_kernel, lyapunov_matrix  # noqa: E402
+from codegen.algebra.discrete_admissibility import (  # noqa: E402
+    discrete_lyapunov_matrix,
+    is_discrete_lyapunov_matrix,
+)
 from codegen.algebra.visibility import by_laurent, by_rank, by_svd, by_weierstrass  # noqa: E402
 from codegen.errors import DesignError  # noqa: E402
 from codegen.pipeline import design  # noqa: E402
@@ -275,4 +279,39 @@ def test_what_lies_between_the_vertices_is_told_where_it_is_not_admissible(monke
     show.plant(plant)
     assert "not shown to be admissible" in page.getvalue()
     discrete = loads(load("dlpv").text.replace('"continuous"', '"discrete"'))
-    assert hull_admissible(discrete) is None and not any(p.stable for p in vertex_properties(discrete))
+    assert hull_admissible(discrete) is False and not any(p.stable for p in vertex_properties(discrete))
+
+
+def by_euler(E, vertices, period):
+    return [E + period * A for A in vertices]
+
+
+def test_one_lyapunov_matrix_in_discrete_time():
+    """Causal, regular and stable for all weights; stiff units and an E of no special form change nothing."""
+    E, vertices, _ = (np.array(M, dtype=float) for M in CHAPTER_4)
+    for period, left, right in ((0.02, np.eye(3), np.eye(3)),
+                                (0.05, np.array([[1.0, 2, 0], [0, 1, 0], [3, 0, 1]]), np.diag([1e3, 1, 1e-2]))):
+        E2, moved = left @ E @ right, [left @ A @ right for A in by_euler(E, vertices, period)]
+        found = discrete_lyapunov_matrix(E2, moved)
+        assert is_discrete_lyapunov_matrix(E2, moved, found.Y, found.R)
+        for h in np.random.default_rng(1).dirichlet(np.ones(3), 20):
+            middle = descriptor_properties("h", E2, sum(a * b for a, b in zip(h, moved)), np.eye(3), "discrete")
+            assert middle.admissible
+    # Euler's rule fails where the period is too long: the fastest mode of all vertices is -9.2.
+    assert discrete_lyapunov_matrix(E, by_euler(E, vertices, 0.23)) is None
+    assert not is_discrete_lyapunov_matrix(E, by_euler(E, vertices, 0.23), found.Y, found.R)
+
+
+def test_no_lyapunov_matrix_in_discrete_time_where_there_is_none():
+    E = np.diag([1.0, 0])
+    bad = {"unstable": [np.diag([1.01, 1])], "not causal": [np.array([[0.5, 1], [1, 0]])],
+           "not regular": [np.diag([0.5, 0])], "middle not causal": [np.diag([0.5, 1]), np.diag([0.5, -1])]}
+    for name, vertices in bad.items():
+        assert discrete_lyapunov_matrix(E, vertices) is None, name
+    fine = [np.diag([0.9, 1]), np.array([[-0.9, 0], [0.3, 2]])]
+    found = discrete_lyapunov_matrix(E, fine)
+    for Y, R, vertices in ((-found.Y, found.R, fine), (found.Y, -found.R, fine), (found.Y, found.R[:1], fine),
+                           (found.Y, found.R, [*fine, np.diag([1.0, 1])]), (0 * found.Y, 0 * found.R, fine)):
+        assert is_discrete_lyapunov_matrix(E, fine, found.Y, found.R)
+        assert not is_discrete_lyapunov_matrix(E, vertices, Y, R)
+    assert discrete_lyapunov_matrix(np.eye(2), [np.array([[0, 1.2], [0.5, 0]])]) is not None  # no algebraic equations

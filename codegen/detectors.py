@@ -1,0 +1,142 @@
+"""From a polytopic descriptor plant with faults to a certified detection observer (H- and H-infinity). Offline."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import sqrt
+
+import numpy as np
+
+from .certify.exact import Q
+from .certify.polytope_detection import check, fault_model, level_model
+from .descriptors import MARGINS, SPARE
+from .errors import CertificateError, DesignError
+from .synthesis import hminus_hinf
+from .synthesis.descriptor_analysis import continuous_level, sensitivity_level
+from .synthesis.descriptor_gains import StandardGains, rounded
+from .synthesis.descriptor_lmi import Bounds
+from .synthesis.descriptor_problem import DescriptorProblem, Scaling, plain, scaled
+from .synthesis.hminus_hinf import Faults
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class CertifiedDetector:
+    """A detection observer with its constants rounded, and what is proved of them.
+
+    Parameters
+    ----------
+    gains : StandardGains
+    M : ndarray (p, p)
+        Weight of the residual.
+    gamma, beta : float
+        |M r| is at most gamma |(u, d)|, and at least beta |f| in the sense of the criterion.
+    designed : float
+        Ratio that the solver claimed.
+    proof : dict
+        For ``certify.polytope_detection``.
+    claims : list of str
+    """
+
+    gains: StandardGains
+    M: Array
+    gamma: float
+    beta: float
+    designed: float
+    proof: dict
+    claims: list[str]
+
+    @property
+    def ratio(self) -> float:
+        """Ratio gamma over beta: disturbances of this energy may look like a fault of energy 1."""
+        return self.gamma / self.beta
+
+
+def faults_of(plant) -> Faults:
+    """Where the faults of a polytopic plant act, in units of their ranges.
+
+    Parameters
+    ----------
+    plant : Plant
+
+    Raises
+    ------
+    DesignError
+        It has none.
+    """
+    if not plant.f:
+        raise DesignError(f"{plant.name}: hminus-hinf detects faults (signals.f is empty). Declare one.")
+    size = np.maximum(*np.abs(plant.limits("f")))
+    size = np.where(np.isfinite(size) & (size > 0), size, 1.0)
+    return Faults(np.array([v.Bf * size for v in plant.polytope.vertices]), plant.polytope.Df * size)
+
+
+def design_detector(problem: DescriptorProblem, faults: Faults, bounds: Bounds, criterion: str = "all",
+                    real: str = "float32", s: Scaling | None = None, free: bool = True) -> CertifiedDetector:
+    """Design and certify.
+
+    Parameters
+    ----------
+    problem : DescriptorProblem
+        Of a continuous plant, in its units.
+    faults : Faults
+    bounds : Bounds
+        Gain in the units of the scaling, decay in the plant's time.
+    criterion : {"all", "slow"}
+    real : {"float32", "float64"}
+    s : Scaling, optional
+    free : bool
+        See ``synthesis.hminus_hinf``.
+
+    Returns
+    -------
+    CertifiedDetector
+
+    Raises
+    ------
+    DesignError
+        No observer exists within the bounds.
+    CertificateError
+        The exact check refuses every level.
+    """
+    if problem.kind == "discrete":
+        raise DesignError("hminus-hinf: the plant is discrete (found), expected continuous.")
+    s = plain(problem) if s is None else s
+    asked = replace(bounds, decay=(1 + SPARE) * bounds.decay / s.time)
+    inside = Faults(s.rows[:, None] * faults.Bf, faults.Df / s.outputs[:, None])
+    found = hminus_hinf.design(scaled(problem, s), inside, asked, criterion, free)
+    T1, T2 = np.array([s.factor1(T) for T in found.T1]), s.factor2(found.T2)
+    gains = StandardGains(*(rounded(M, real) for M in (
+        T2, T1 @ problem.A, T1 @ problem.B, np.array([s.gain(k) for k in found.K]), problem.C)))
+    M = rounded(found.M / s.outputs, real)
+    T1 = T1 if free else T1[:1].reshape(T1.shape[1:])
+    return _certified(problem, faults, gains, M, T1, (criterion, bounds.decay, found.gamma), s)
+
+
+def _certified(problem, faults, gains, M, T1, about, s) -> CertifiedDetector:
+    """Levels of the rounded constants, checked exactly; the smallest margin that passes is kept."""
+    criterion, decay, designed = about
+    models = level_model(problem, gains, M, T1), fault_model(problem, faults, gains, T1, criterion)
+    reason = "the solver finds no level for the rounded gains. Try float64, a slower decay or larger gains."
+    for margin in MARGINS:
+        level = continuous_level(models[0], s, problem.S, False, decay, None, margin)
+        fault = sensitivity_level(models[1], M, s, problem.S, margin)
+        if level is None or fault is None or fault["level2"] <= 0:
+            continue
+        level["level2"] *= 1 + 1e-9
+        fault["level2"] *= 1 - 1e-9
+        gamma, beta = sqrt(level["level2"]), sqrt(fault["level2"])
+        while Q(gamma) * Q(gamma) < Q(level["level2"]):
+            gamma = float(np.nextafter(gamma, np.inf))
+        while Q(beta) * Q(beta) > Q(fault["level2"]):
+            beta = float(np.nextafter(beta, 0.0))
+        proof = {"T1": T1.tolist(), "criterion": criterion, "level": level | {"gamma": gamma, "decay": decay},
+                 "fault": fault | {"beta": beta}}
+        try:
+            claims = check(problem, faults, gains, M, proof)
+        except CertificateError as error:
+            reason = str(error).removeprefix("certificate: ")
+            continue
+        return CertifiedDetector(gains, M, gamma, beta, designed, proof, claims)
+    raise CertificateError(f"certificate: {reason}")

@@ -1,0 +1,126 @@
+"""Method "hinf-filter" from plant to certified tables: design once, freeze and certify per number type."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+
+import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
+
+from .analysis.worst_sequence import worst_run
+from .certify import filter_bounds
+from .certify.exact import Q, up
+from .certify.switched_gain import check_gain
+from .errors import CertificateError
+from .filter_tables import frozen
+from .filters import certify_proposal, propose
+from .observers import FilterTables
+from .plant.model import Plant
+from .synthesis.fault_filter import copies, stated, with_copy
+from .synthesis.hinf_analysis import closed_loop
+
+SYNTHESES = ("slack", "projection")
+
+
+def explore(plant: Plant, options: dict, progress: Callable[[str], None]) -> Iterator[SimpleNamespace]:
+    """Certified filters: ``candidate``, ``gains``, ``tables``, ``cert``; without ``synthesis`` that by slack variables.
+
+    Raises
+    ------
+    DesignError
+        No filter exists, or an option is wrong.
+    CertificateError
+        None survives rounding.
+    """
+    problem, _ = stated(plant, options, not copies(plant, options))
+    synthesis = options.get("synthesis", "slack")
+    progress(f"{synthesis}: {len(problem.modes)} modes, {problem.sizes[0]} states")
+    proposal = propose(problem, synthesis, float(options.get("order_loss", 0.0)),
+                       options.get("post_scaling", "none") == "steady")
+    gains = {"kind": "filter", "proposal": proposal}
+    progress(f"{synthesis}: thresholds")
+    tables, cert = certified(plant, gains, options, plant.target.real)
+    label = {"slack": "slack variables", "projection": "projection"}[synthesis]
+    yield SimpleNamespace(candidate=SimpleNamespace(label=label, proof=options, figures={}), gains=gains,
+                          tables=tables, cert=cert)
+
+
+def certified(plant: Plant, gains: dict, options: dict, real: str) -> tuple[FilterTables, dict]:
+    """Freeze a proposed filter on one number type and certify level and thresholds.
+
+    Raises
+    ------
+    CertificateError
+    """
+    problem, units = stated(plant, options)
+    proposal = gains["proposal"]
+    if copies(plant, options):
+        _, apart = stated(plant, options, False)
+        constants = with_copy(apart.emitted(proposal.gains, real), plant.observed.modes, real)
+        start = start_of(problem, units.gains(constants))
+    else:
+        constants, start = units.emitted(proposal.gains, real), proposal.start
+    level, proof = certify_proposal(problem, units.gains(constants), start)
+    reached = None
+    if real == plant.target.real:
+        reached = worst_run(problem.modes, units.gains(constants), problem.switching, level, steps=60, beam=4).gain
+    rows = options.get("set_rows")
+    graph = filter_bounds.Graph.of(problem.switching)
+    t, held = frozen(plant, constants, graph, real, None if rows is None else int(rows))
+    add, drain, limit = problem.switching.dwell
+    return t, {"kind": "filter", "level": level, "claimed": proposal.claimed, "reached": reached, "energy": proof,
+               "set_of_both": held, "steady_box": None, "dwell_add": add, "dwell_drain": drain, "dwell_limit": limit,
+               "post": [x.tolist() for x in proposal.xi]}
+
+
+def start_of(problem, gains) -> dict:
+    """Where the search for a level starts: states of the size that the unknowns give them, averaged over the modes."""
+    reach = 0.0
+    for m, gain in zip(problem.modes, gains):
+        move, _ = closed_loop(m, gain)
+        k = len(move)
+        A, E = move[:, :k], move[:, k:k + m.E.shape[1]]
+        reach = reach + solve_discrete_lyapunov(A, E @ E.T) / len(problem.modes)
+    reach = reach + 1e-9 * np.trace(reach) / len(reach) * np.eye(len(reach))
+    return {"P": [np.linalg.inv((reach + reach.T) / 2)] * len(problem.switching.mode)}
+
+
+def check(plant: Plant, t: FilterTables, cert: dict) -> list[str]:
+    """Re-check a certificate in exact arithmetic; return what is proved, one sentence per claim.
+
+    Raises
+    ------
+    CertificateError
+        Naming mode, row or edge that fails.
+    """
+    problem, units = stated(plant, plant.options)
+    if tuple(problem.switching.dwell) != tuple(cert[f"dwell_{k}"] for k in ("add", "drain", "limit")):
+        raise CertificateError("certificate: the dwell time is not that of the plant file. Design again.")
+    constants = {k: getattr(t, k) for k in ("M", "L", "G", "K", "Dy", "Du")}
+    level2 = check_gain(problem.modes, problem.names, problem.switching, units.gains(constants), cert["energy"])
+    if Q(cert["level"]) * Q(cert["level"]) < level2:
+        raise CertificateError(f"certificate: the level {cert['level']:.6g} (found) is below the proved "
+                               f"{up(level2) ** 0.5:.6g}.")
+    filter_bounds.check(plant.observed.modes, t, filter_bounds.Graph.of(problem.switching), cert["set_of_both"],
+                        (plant.x0_lo, plant.x0_hi))
+    return sentences(plant, t, cert)
+
+
+def sentences(plant: Plant, t: FilterTables, cert: dict) -> list[str]:
+    """What is proved."""
+    slow = "for any switching" if not cert["dwell_add"] else (
+        f"while modes last {cert['dwell_add'] / cert['dwell_drain']:g} samples on average (chatter bound "
+        f"{cert['dwell_limit'] / cert['dwell_add']:g})")
+    target = "W_f f" if "target" in plant.options else "f"
+    unsure = ", whatever the parameters do within their bounds" * bool(plant.theta)
+    last = "; ".join(f"{m.name}: " + ", ".join(f"{float(h):.4g}" for h in row) for m, row in zip(plant.modes, t.h[-1]))
+    weighted = " (disturbances, noises and inputs before their weight W_d)" if "colour" in plant.options else ""
+    return [f"energy: from rest sum |f_hat - {target}|^2 <= {cert['level']:.6g}^2 sum |d|^2, d all disturbances, "
+            f"noises, inputs and faults{weighted} in units of their largest sizes, f in units of its range, "
+            f"{slow}{unsure} (rounding of sums apart)",
+            "while no fault acts no |f_hat| exceeds its f_bound at any sample, so there is no false alarm, "
+            f"{slow}{unsure}, rounding included ({t.real}, with or without fused multiply-add)",
+            f"once settled f_bound is, by mode, {last}; it comes down to that within {t.lost << t.shift} samples from "
+            f"anywhere in the declared range, within {(t.last - t.lost) << t.shift} after a sample without measurement",
+            "the state of the filter stays within limits: beyond them it starts again"]

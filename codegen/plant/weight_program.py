@@ -1,0 +1,88 @@
+r"""The weights of a polytope as one program: for any input weights in [0, 1] whose sum is 1 but for rounding.
+
+Sector model: each premise is cut to its bounds, its upper weight is (z - lo)/(hi - lo), and the products are built as a
+tree, w - w mu beside w mu. Normalised weights: exponentials with the largest exponent taken out, so that their sum is
+at least 1; one division.
+
+The last result is the truth `inside`: the premises were within their bounds (but for rounding), and what was computed
+is numbers in [0, 1] that add up to 1 within rounding. Where the numbers do not, all weights are equal.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from codegen.algebra.program import Builder, Program
+from codegen.plant.polytopic import Polytope
+
+
+def weight_program(polytope: Polytope, real: str) -> Program:
+    """Return the program of the weights and of `inside`, over the polytope's symbols.
+
+    Parameters
+    ----------
+    polytope : Polytope
+    real : {"float32", "float64"}
+        Its constants are numbers of this type.
+
+    Returns
+    -------
+    program : Program
+        h results and one more.
+
+    Raises
+    ------
+    TypeError
+        An expression has a function without operation.
+    """
+    b, h, step = Builder(polytope.symbols), len(polytope.vertices), float(np.finfo(real).eps)
+    truths: list[tuple] = []
+    if polytope.premises:
+        weights = _tree(b, polytope, truths, step)
+    elif polytope.softmax:
+        exponents = [b.value(w.args[0]) for w in polytope.raw]
+        most = b.fold("max", exponents)
+        weights = _normalised(b, [b.apply("exp", b.apply("sub", e, most)) for e in exponents])
+    else:
+        weights = _normalised(b, [b.value(w) for w in polytope.raw])
+    total = b.fold("add", weights)
+    sound = [b.apply("ge", w, b.constant(0.0)) for w in weights]
+    sound += [b.apply("le", w, b.constant(1.0 + 4 * step)) for w in weights]
+    sound += [b.apply("ge", total, b.constant(1.0 - 4 * h * step)),
+              b.apply("le", total, b.constant(1.0 + 4 * h * step))]
+    fine = b.fold("and", sound)
+    results = [b.apply("select", fine, w, b.constant(float(np.dtype(real).type(1 / h)))) for w in weights]
+    return _rounded(b.done([*results, b.fold("and", [*truths, fine])]), real)
+
+
+def _tree(b: Builder, polytope: Polytope, truths: list, step: float) -> list[tuple]:
+    """Products of the premises' weights; the first premise is the lowest bit."""
+    weights: list[tuple] = []
+    for p in polytope.premises:
+        z, slack = b.value(p.term), 8 * step * max(abs(p.lo), abs(p.hi))
+        truths += [b.apply("ge", z, b.constant(p.lo - slack)), b.apply("le", z, b.constant(p.hi + slack))]
+        # A comparison with NaN is false: then z is its lower bound.
+        cut = b.apply("select", b.apply("gt", z, b.constant(p.lo)), z, b.constant(p.lo))
+        cut = b.apply("min", cut, b.constant(p.hi))
+        above = b.apply("sub", cut, b.constant(p.lo)) if p.lo else cut
+        share = b.apply("mul", above, b.constant(1 / (p.hi - p.lo)))
+        mu = b.apply("min", share, b.constant(1.0))
+        if not weights:
+            weights = [b.apply("sub", b.constant(1.0), mu), mu]
+            continue
+        upper = [b.apply("mul", w, mu) for w in weights]
+        weights = [b.apply("sub", w, u) for w, u in zip(weights, upper)] + upper
+    return weights
+
+
+def _normalised(b: Builder, values: list[tuple]) -> list[tuple]:
+    """The values over their sum, by one division."""
+    scale = b.apply("div", b.constant(1.0), b.fold("add", values))
+    return [b.apply("mul", v, scale) for v in values]
+
+
+def _rounded(program: Program, real: str) -> Program:
+    """The program with constants of the type; those beyond it are its largest."""
+    most = float(np.finfo(real).max)
+    constants = tuple(float(np.dtype(real).type(min(max(c, -most), most))) for c in program.constants)
+    return Program(program.inputs, constants, program.operations, program.results)

@@ -1,0 +1,57 @@
+"""A fault estimation filter in words: its constants, and how sharp level and thresholds are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import words
+from .table import Fact, Folded, Table, table
+
+
+def facts(design, real: str) -> tuple[Fact, ...]:
+    """What is said of a filter beside what is said of every design."""
+    cert, plant = design.certificate[real], design.plant
+    parts = [f"certified {words.at_most(cert['level'], 4)} on the constants of the C"]
+    if cert.get("reached"):
+        parts.append(f"a run was found that reaches {words.number(cert['reached'], 4)}: no proof could go below that")
+    target = "the fault itself" if "target" not in plant.options else "the fault, weighted by W_f (target)"
+    weight = "" if "colour" not in plant.options else "; disturbances, noises and inputs are weighted by W_d (colour)"
+    scaled = ("the estimate is scaled so that a lasting fault is met exactly while a mode stays",) * bool(cert["post"])
+    return (Fact("Estimate", "; ".join([f"{target}{weight}", *scaled])),
+            Fact("Energy gain from all unknowns to the error of the estimate", "; ".join(parts)),
+            Fact("Threshold", "guaranteed, not calibrated: the estimate of a plant without fault is followed over "
+                 "every disturbance, input, parameter and mode sequence (peak to peak), with the rounding of the C"))
+
+
+def tables(design, real: str) -> tuple[Table, ...]:
+    """Thresholds by mode once settled, beside what runs without a fault reach."""
+    t, plant = design.observer.tables[real], design.plant
+    reached = np.array(design.certificate[real]["set_of_both"]["reached"])
+    rows = []
+    for q, mode in enumerate(plant.modes):
+        for j, fault in enumerate(plant.f):
+            rows.append((mode.name, fault.name, words.quantity(words.at_most(float(t.h[-1, q, j])), fault.unit),
+                         words.quantity(words.number(float(reached[q, j])), fault.unit)))
+    notes = (f"Once settled: {words.count(t.lost << t.shift, 'sample')} after a start from anywhere in the declared "
+             f"range, {words.count((t.last - t.lost) << t.shift, 'sample')} after one without measurement; before that "
+             "the thresholds are higher. The last column is what some fault-free run reaches: a lower threshold would "
+             "be a false alarm there.",)
+    head = ("mode", "fault", "#largest estimate without a fault, proved", "#reached by a run")
+    return (table("Thresholds of the decision", head, rows, notes),)
+
+
+def gains(design, real: str, matrix) -> tuple[Folded, ...]:
+    """Tabulate the constants that the C holds, one fold per mode; ``matrix`` is (title, rows, columns, values).
+
+    Returns
+    -------
+    tuple of Folded
+    """
+    t, plant = design.observer.tables[real], design.plant
+    u, y, f = ([s.name for s in getattr(plant, vector)] for vector in "uyf")
+    xi = [f"xi[{i}]" for i in range(len(t.limit))]
+    shown = (("M", "of the filter", xi, xi), ("G", "gain on u", xi, u), ("L", "gain on y", xi, y),
+             ("K", "estimate from xi", f, xi), ("Du", "estimate from u", f, u), ("Dy", "estimate from y", f, y))
+    return tuple(Folded(f"Mode {q}, “{mode.name}”", tuple(
+        matrix(f"{name}: {meaning}", rows, columns, getattr(t, name)[q]) for name, meaning, rows, columns in shown
+        if np.any(getattr(t, name)[q]))) for q, mode in enumerate(plant.modes))
