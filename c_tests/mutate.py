@@ -98,7 +98,8 @@ class Bench:
         self.text = (folder / f"{self.prefix}.c").read_text(encoding="ascii")
         (scratch / "case.h").write_text(case(record), encoding="ascii")
         members = {name for name, _, _ in record["state"]}
-        self.parts = (8 if not members & set(COUNTS) else 64 if "shape" in members else 256)  # counts find many tables
+        tables = members & set(COUNTS) and "x_hat" in members  # many, found by counts
+        self.parts = (64 if "shape" in members else 256) if tables else 8
         tests = [*UNIT_TESTS, folder.resolve() / f"test_{self.prefix}.c"]
         for i, test in enumerate(tests):
             self.gcc(["-O1", "-c", f"-Dmain=test_{i}", f"-I{scratch}", f"-I{HERE}", test, "-o", scratch / f"{i}.o"])
