@@ -133,7 +133,7 @@ static void any_framers(T(state) *s)
     }
     s->since = draw(M(LAST) + 2U);
 #elif CASE_POINT
-    static const T(real) offs[] = { 1024, 2, 1, 1, (T(real))1 / 16384, (T(real))1 / 16384, (T(real))1 / 16384, 0 };
+    static const T(real) offs[] = { 1024, 2, 2, 1, (T(real))1 / 16384, (T(real))1 / 16384, (T(real))1 / 16384, 0 };
     const T(real) off = offs[draw(8U)];
 
     for (uint32_t i = 0U; i < M(NX); i++) /* far off, anywhere, where a measurement can be near, or zero */
@@ -167,6 +167,27 @@ static void any_framers(T(state) *s)
 }
 
 #if CASE_POINT
+/* A mode in which the set keeps its place in the tables. */
+static void any_mode(bench *b)
+{
+#if CASE_N_COUNTS > 0
+    for (uint32_t k = 0U; k < M(MODES); k++)
+    {
+        bench trial = *b;
+
+        trial.s.phase = 0U;
+        (void)T(predict)(&trial.s, &trial.in, &trial.out);
+        if (trial.s.since == b->s.since)
+        {
+            break;
+        }
+        b->in.mode = (b->in.mode + 1U) % M(MODES);
+    }
+#else
+    (void)b;
+#endif
+}
+
 /* A measurement between two, cut to its range. */
 static void place(T(in) *in, const T(real) *quiet, const T(real) *ray, T(real) share)
 {
@@ -192,8 +213,8 @@ static uint32_t tried(const bench *b, uint32_t bits)
  */
 static void any_edge(bench *b)
 {
-    const uint32_t bits = ((M(BITS) == M(NY)) || (draw(2U) == 0U)) ? 0xFFFFFFFFU : ((uint32_t)1U << M(NY));
-    const uint32_t alone = draw(2U * M(NY)); /* along one output, or between all */
+    const uint32_t bits = ((M(BITS) == M(NY)) || (draw(4U) == 0U)) ? 0xFFFFFFFFU : ((uint32_t)1U << M(NY));
+    const uint32_t alone = draw(8U * M(NY)); /* along one output, or between all */
     T(real) quiet[M(NY)] = { 0 };
     T(real) ray[M(NY)] = { 0 };
     T(real) inside = 0;
@@ -305,6 +326,7 @@ uint32_t random_calls(uint32_t part)
             {
                 any_framers(&b.s);
 #if CASE_POINT
+                any_mode(&b);
                 if (draw(8U) == 0U)
                 {
                     any_limit(&b);
