@@ -119,7 +119,8 @@ class Bench:
         """What each part of the random calls answers on the C as it is."""
         place = self.scratch / "digest"
         place.with_suffix(".c").write_text(
-            f"#include <stdint.h>\n#include <stdio.h>\n{RANDOM}\nint main(void) {{ for (uint32_t i = 0U; i < {self.parts}U; "
+            f"#include <stdint.h>\n#include <stdio.h>\n{RANDOM}\nint main(void) {{ "
+            f"for (uint32_t i = 0U; i < {self.parts}U; "
             'i++) { printf("%lu\\n", (unsigned long)random_calls(i)); } }\n', encoding="ascii")
         sources = [place.with_suffix(".c"), self.scratch / "random.o", self.folder / f"{self.prefix}.c"]
         self.gcc([*TRAPS, *sources, "-o", place])
