@@ -49,9 +49,9 @@ def plant() -> Plant:
 
 
 def chosen(quick: bool) -> list[Variant]:
-    """Return the rows: all that take the plant, or the cheapest set of each kind of one method."""
+    """Return the rows: all with residuals that take the plant, or the cheapest set of each kind of one method."""
     able = [v for v in variants(ORDERS) if METHODS[v.method].module.inapplicable(plant()) is None
-            and v.method != STATE_FAULTS]
+            and (METHODS[v.method].framers or METHODS[v.method].sets) and v.method != STATE_FAULTS]
     return [v for v in able if v.method == "ellipsoid" and v.options.get("order", 5) == 5] if quick else able
 
 
@@ -190,7 +190,7 @@ def render(records: Sequence[dict]) -> str:
         "  The response has to exceed twice the firmware's own set (the width of an interval), asked of its own test.",
         "- Promised: what the certificate says, for every mode sequence with that dwell time; within 3 samples. It may",
         "  be below f_on where noise alone cannot fill the firmware's set: f_on counts the set twice.",
-        "- Multiply-adds: of the dearest step. Instructions: of the dearest ordinary step of the self-test, in QEMU.",
+        "- Multiply-adds: of the dearest call. Instructions: of the dearest ordinary step of the self-test, in QEMU.",
         ""]
     lines += ["| kind of set | goal for f_on | reached | by |", "|---|--:|--:|---|"]
     lines += [f"| {kind} | {goal:g} | {reached:.3g}{'' if reached <= goal else ' (missed)'} | {name} |"

@@ -59,7 +59,7 @@ static int framers_at_the_ends(void)
         bench b;
 
         start(&b);
-        b.in.mode = n / (M(NS) * 4U);
+        *told(&b.in) = n / (M(NS) * 4U);
         b.s.xi[(n / 4U) % M(NS)] = bad[n % 4U];
         b.s.since = M(LAST);
         CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));

@@ -25,7 +25,7 @@ static T(real) between(T(real) lo, T(real) hi)
 
 static void any_inputs(T(in) *in)
 {
-    in->mode = draw(M(MODES));
+    *told(in) = draw(M(MODES));
 #if CASE_NU > 0
     for (uint32_t i = 0U; i < M(NU); i++)
     {
@@ -39,8 +39,8 @@ static void any_inputs(T(in) *in)
 #if CASE_NTHETA > 0
     for (uint32_t i = 0U; i < M(NTHETA); i++)
     {
-        const T(real) least = theta_lo[in->mode][i];
-        const T(real) most = theta_hi[in->mode][i];
+        const T(real) least = theta_lo[*told(in)][i];
+        const T(real) most = theta_hi[*told(in)][i];
         /* Anywhere, or at any small distance from the last one, which the step may look back to. */
         const T(real) step = (most - least) / (T(real))(1U << draw(10U));
 
@@ -54,7 +54,7 @@ static void any_inputs(T(in) *in)
     }
 }
 
-#if !CASE_POINT && !CASE_FILTER
+#if !CASE_POINT && !CASE_BOXES && !CASE_FILTER
 static void any_box(T(real) *lo, T(real) *hi, const T(real) *least, const T(real) *most)
 {
     for (uint32_t i = 0U; i < M(NX); i++)
@@ -124,6 +124,29 @@ static void any_shape(T(state) *s)
 }
 #endif
 
+#if CASE_BOXES
+/* Boxes of any size anywhere, of any modes and ages. */
+static void any_framers(T(state) *s)
+{
+    T(state) whole;
+
+    T(reset)(&whole);
+    for (uint32_t i = 0U; i < M(NSHAPE); i++)
+    {
+        const uint32_t at = (M(OLDEST) * M(NX)) + (i % M(NX));
+        const T(real) least = whole.box_lo[at];
+        const T(real) most = whole.box_hi[at];
+
+        s->box_lo[i] = between(least, most) * ((draw(8U) == 0U) ? 1024 : 1);
+        s->box_hi[i] = s->box_lo[i] + ((most - least) / (T(real))(1U << draw(12U)));
+    }
+    for (uint32_t q = 0U; q < M(MODES); q++)
+    {
+        s->alive[q] = draw(2U * whole.alive[q]) | ((draw(2U) == 0U) ? whole.alive[q] : 0U);
+    }
+    s->decided = draw(M(MODES));
+}
+#else
 static void any_framers(T(state) *s)
 {
 #if CASE_FILTER
@@ -166,6 +189,7 @@ static void any_framers(T(state) *s)
     any_box(s->z_lo, s->z_hi, z_lo, z_hi);
 #endif
 }
+#endif
 
 #if CASE_POINT
 /* A mode in which the set keeps its place in the tables. */

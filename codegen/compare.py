@@ -20,6 +20,7 @@ from .designs import Design
 from .emit.package import generate
 from .emit.render import template_root
 from .errors import CertificateError, DesignError, EmitError, ToolError
+from .observers import ModeTables
 from .pipeline import design, silent
 from .plant.model import Plant
 from .synthesis import METHODS, SETS, known_options
@@ -101,7 +102,7 @@ def variants(orders: Sequence[int] = ()) -> list[Variant]:
     """
     found = []
     for name, method in METHODS.items():
-        if method.framers or method.family == "filter":
+        if not method.sets:
             found.append(Variant(name, name, {}))
             continue
         for kind in SETS["set"]:
@@ -235,6 +236,8 @@ def relative_width(made: Design) -> float | None:
 def dwell_of(made: Design) -> float:
     """Samples that a mode has to last (on average) for what is proved; 0: any switching."""
     cert, t = made.certificate[made.plant.target.real], made.observer.tables[made.plant.target.real]
+    if isinstance(t, ModeTables):
+        return float(t.ages + 1)
     if cert["kind"] == "filter":
         return cert["dwell_add"] / cert["dwell_drain"] if cert["dwell_add"] else 0.0
     table = getattr(getattr(t, "shape", None), "dwell", 1)

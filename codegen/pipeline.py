@@ -144,6 +144,8 @@ def period_curve(made: Design, progress: Progress = silent) -> list[PeriodPoint]
     -------
     list of PeriodPoint
     """
+    if not METHODS[made.method].framers:
+        return []
     if made.plant.kind != "continuous" or made.observer.tables[made.plant.target.real].change is not None:
         return []
     method, tables = METHODS[made.method], made.observer.tables[made.plant.target.real]
@@ -305,6 +307,10 @@ def require(made: Design, real: str, outcomes: list[Outcome]) -> None:
             raise ValidationError(f'scenario "{o.scenario.name}": C and reference differ in '
                                   f'{", ".join(o.differences)}, expected ==. '
                                   "Check the compiler for -ffast-math or contraction.")
+        if o.late:
+            raise ValidationError(f'scenario "{o.scenario.name}": a mode ruled out by then was decided for at {o.late} '
+                                  "samples, expected none. Does the scenario keep to the declared bounds and dwell "
+                                  "time?")
         if o.lost or o.false_alarms:
             raise ValidationError(f'scenario "{o.scenario.name}": {o.lost} samples outside the bounds and '
                                   f"{o.false_alarms} false alarms (found), expected none. Does the scenario keep to "

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import filter_designs, points
+from . import filter_designs, modes, points
 from .algebra.dwell import ratio, shortest
 from .analysis.detectability import SureFault, limited, surely_detected
 from .analysis.quick import QuickJudge
@@ -134,6 +134,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
         if name not in METHODS:
             raise DesignError(f"{plant.name}: observer.method is \"{name}\", expected one of {', '.join(METHODS)}.")
     check_options(plant.name, options, known_options(methods))
+    if method and METHODS[method].estimates_mode:
+        return modes.designed(plant, method, options, progress)
     trials, reasons = [], []
     for name in methods:
         reason = METHODS[name].module.inapplicable(plant)

@@ -12,6 +12,7 @@ from rich.table import Table
 from .errors import DesignError
 from .plant.detector import fault_parameters
 from .plant.model import Plant
+from .show_modes import telling
 
 out = Console(highlight=False, soft_wrap=True)
 if not out.is_terminal:  # into a file or a pipe: do not fold the tables to 80 columns
@@ -76,6 +77,7 @@ def _modes(p: Plant) -> None:
     out.print("\nswitching: " + (told if s.known else "unknown") + (
         f", average dwell time {s.average_dwell:g} s, chatter bound {s.chatter:g}" if s.average_dwell
         else ", arbitrary"))
+    telling(p, out)
 
 
 def _polytope(p: Plant) -> None:
@@ -126,7 +128,8 @@ def _parameters(p: Plant) -> Table:
 def between(p: Plant) -> str:
     """Say what a continuous plant may do between samples."""
     inputs = [f"{s.name} moves by at most {number(s.rate)} {s.unit}/s" if s.rate else f"{s.name} is held" for s in p.u]
-    return "; ".join([*inputs, "the mode changes at samples only", "disturbances and parameters move as they like"])
+    return "; ".join([*inputs, f"the mode changes {'at samples only' if p.switching.known else 'at any instant'}",
+                      "disturbances and parameters move as they like"])
 
 
 def _applies(p: Plant, name: str, entry) -> str:
@@ -248,7 +251,7 @@ def compared(p: Plant, found) -> None:
     if made:
         out.print(rows)
         out.print("width: guaranteed, states in units of their ranges, summed; faults: smallest step surely detected, "
-                  "- where none is proved; mode lasts: samples, for the guarantee; multiply-adds: of the dearest step; "
+                  "- where none is proved; mode lasts: samples, for the guarantee; multiply-adds: of the dearest call; "
                   "instructions: of the dearest ordinary step, Cortex-M4F in QEMU; flash, RAM, stack: bytes, "
                   f"{', '.join(sorted({c.chip for c in made}))} at -Os")
     groups: dict[str, list[str]] = {}

@@ -37,3 +37,20 @@ def with_products(lo, hi, products) -> tuple[list, list]:
     """
     ends = [[a * b for a in (lo[j], hi[j]) for b in (lo[k], hi[k])] for j, k in products]
     return [*lo, *map(min, ends)], [*hi, *map(max, ends)]
+
+
+def hull(S: Array, lo: Array, hi: Array) -> tuple[Array, Array]:
+    """Box of S x over a box of x, rounded outward.
+
+    Parameters
+    ----------
+    S : ndarray (m, n)
+    lo, hi : ndarray (..., n)
+
+    Returns
+    -------
+    lo, hi : ndarray (..., m)
+    """
+    middle, radius = ((lo + hi) / 2) @ S.T, ((hi - lo) / 2) @ np.abs(S).T
+    room = 1e-12 * (np.maximum(np.abs(lo), np.abs(hi)) @ np.abs(S).T)
+    return middle - radius - room, middle + radius + room

@@ -18,7 +18,7 @@ CLOCKS = ("t", "time")  # columns that are times in seconds, where no signal has
 def read_log(plant: Plant, path: Path) -> tuple[PlantTrace, bool]:
     """Read a log whose columns or channels are named after the plant's signals.
 
-    Needed are every input, output and measured parameter, and ``mode`` where the plant has several. Fault columns
+    Needed are every input, output and measured parameter, and ``mode`` where the firmware is told one. Fault columns
     are labels; a parameter that the firmware does not read is only drawn. Others are left alone.
 
     Parameters
@@ -69,7 +69,8 @@ def read_log(plant: Plant, path: Path) -> tuple[PlantTrace, bool]:
 
 def _needed(plant: Plant) -> list[str]:
     measured = [s for s in plant.theta if s.measured]
-    return [*(s.name for s in (*plant.u, *plant.y, *measured)), *(["mode"] if plant.n_modes > 1 else [])]
+    told = plant.n_modes > 1 and plant.switching.known
+    return [*(s.name for s in (*plant.u, *plant.y, *measured)), *(["mode"] if told else [])]
 
 
 def _check_columns(plant: Plant, record: Record) -> None:

@@ -16,6 +16,10 @@ from scipy.linalg import block_diag, expm
 from scipy.optimize import linprog
 
 Array = np.ndarray
+#: Samples that are looked at, where the dwell time is not shorter.
+MOST = 40
+#: Numbers in the matrices of all linear programs together, beyond which they are left out.
+CHEAP = 2e7
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,20 @@ class Pair:
     worst: int | None
     best: int | None
     example: dict | None
+
+
+def inapplicable(plant) -> str | None:
+    """Why the modes of a plant are not compared; None where they are."""
+    if plant.polytope is not None or plant.theta:
+        return "the plant has parameters."
+    for vector in "xu":
+        for s in getattr(plant, vector):
+            if not (np.isfinite(s.lo) and np.isfinite(s.hi)):
+                return f'signals.{vector} "{s.name}" has no range.'
+    pairs, width = plant.n_modes * (plant.n_modes - 1) / 2, 2 * plant.n_x + plant.n_u
+    if pairs * (1 + 2 ** plant.n_u) * (MOST * width) * (MOST * (2 * plant.n_x + plant.n_y)) > CHEAP * 10:
+        return "too many modes, states or inputs for a quick answer."
+    return None
 
 
 def sampled(plant, q: int) -> tuple[Array, Array, Array, Array]:
@@ -145,7 +163,7 @@ class Lookalikes:
         return high, None
 
 
-def distinguishability(plant, horizon: int = 40) -> list[Pair]:
+def distinguishability(plant, horizon: int = MOST) -> list[Pair]:
     """All pairs of modes.
 
     Parameters

@@ -134,17 +134,19 @@ def table(plant: Plant, truth: PlantTrace, trace) -> str:
     -------
     text : str
         Columns k, t, x_lo.<state> ..., x_hi.<state> ..., r_lo.<output> ..., r_hi.<output> ..., alarm, latched,
-        assured, status; of a filter f_hat.<fault> ..., f_bound.<fault> ... in place of the bounds. Every number reads
-        back exactly.
+        assured, status; of a filter f_hat.<fault> ..., f_bound.<fault> ... in place of the bounds; of a mode estimator
+        also mode, mode_set, settled_set, age. Every number reads back exactly.
     """
     names = {"x_lo": plant.x, "x_hi": plant.x, "r_lo": plant.y, "r_hi": plant.y}
     if isinstance(trace, FilterTrace):
         names = {"f_hat": plant.f, "f_bound": plant.f}
     header = ["k", "t", *(f"{field}.{s.name}" for field, signals in names.items() for s in signals),
-              "alarm", "latched", "assured", "status"]
+              "alarm", "latched", "assured", "status",
+              *(["mode", "mode_set", "settled_set", "age"] if trace.words() else [])]
     columns = [column for field in names for column in getattr(trace, field).T]
     cells = [["" if np.isnan(v) else str(v) for v in column] for column in columns]
-    flags = [a.astype(int).tolist() for a in (trace.alarm, trace.latched_bits, trace.assured, trace.status)]
+    flags = [a.astype(int).tolist() for a in (
+        trace.alarm, trace.latched_bits, trace.assured, trace.status, *trace.words())]
     steps = range(len(truth.q))
     out = StringIO()
     writer = csv.writer(out, lineterminator="\n")

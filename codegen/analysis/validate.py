@@ -7,7 +7,7 @@ first quiet sample after an alarm. A fault that raised no alarm leaves them spoi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from ..observers import FilterTrace, Trace
 from ..observers.supervisor import BAD_INPUT, BAD_MODE, BAD_PARAMETER
 from ..plant.model import Plant, PlantTrace, Scenario
 from ..plant.simulate import simulate
+from .mode_promise import dropped, late
 
 Array = np.ndarray
 
@@ -44,12 +45,15 @@ class Outcome:
     differences : list of str
         Fields in which C and reference are not ``==`` (must be empty).
     lost : int
-        Samples with the promise in force at which a state was outside its bounds (records: not known, 0).
+        Samples with the promise in force at which a state was outside its bounds, or the true mode not among those
+        called possible (records: not known, 0).
     false_alarms : int
         Samples with the promise in force at which an output was outside its bounds.
     settled : ndarray (K,) bool
         Where the promise is in force.
     episodes : list of Episode
+    late : int
+        Samples at which a mode was decided for that is certified to be ruled out by then.
     """
 
     scenario: Scenario
@@ -60,11 +64,12 @@ class Outcome:
     false_alarms: int
     settled: Array
     episodes: list[Episode]
+    late: int = 0
 
     @property
     def passed(self) -> bool:
-        """C equals reference, nothing lost, no false alarm."""
-        return not self.differences and self.lost == 0 and self.false_alarms == 0
+        """C equals reference, nothing lost, no false alarm, no mode decided for too long."""
+        return not self.differences and self.lost == 0 and self.false_alarms == 0 and self.late == 0
 
 
 def sound_samples(f: Array, trace: Trace, recover: int) -> Array:
@@ -125,7 +130,7 @@ def judge(plant: Plant, scenario: Scenario, truth: PlantTrace, trace: Trace, dif
     lo, hi = plant.limits("x")
     # The simulated truth itself is only good to double precision.
     slack = 1e-12 * np.maximum(np.abs(lo), np.abs(hi))
-    outside = np.any((truth.x > trace.x_hi + slack) | (truth.x < trace.x_lo - slack), axis=1)
+    outside = np.any((truth.x > trace.x_hi + slack) | (truth.x < trace.x_lo - slack), axis=1) | dropped(truth, trace)
     return Outcome(scenario, truth, trace, differences, int(np.sum(outside & sound & done)),
                    int(np.sum(raw & settled & done)), settled, found)
 
@@ -174,7 +179,11 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
     for i, (scenario, truth) in enumerate(zip(scenarios, truths)):
         own = (i, slice(len(truth.q)))
         trace = traces.row(own)
-        out.append(judge(plant, scenario, truth, trace, trace.differs(references.row(own))))
+        outcome = judge(plant, scenario, truth, trace, trace.differs(references.row(own)))
+        cert = design.certificate[driver.real]
+        if cert["kind"] == "mode":
+            outcome = replace(outcome, late=late(cert, truth, trace, outcome.settled))
+        out.append(outcome)
     return out
 
 

@@ -16,6 +16,16 @@ from ..errors import CertificateError
 from .mode_delay import Course, Story, survival
 
 Array = np.ndarray
+#: Periods within which the box of a mode that stays has reached its bound.
+LASTING = 100000
+
+
+class AgesError(CertificateError):
+    """The oldest age is too young; ``least`` is one to try next."""
+
+    def __init__(self, text: str, least: int):
+        super().__init__(text)
+        self.least = least
 
 
 @dataclass(frozen=True)
@@ -51,13 +61,33 @@ class ModeDelays:
         return max(self.identified.values())
 
 
-def contracted(t, widths: Array, q: int, samples: int) -> Array:
-    """Widths of a box of mode q after so many periods, each cut to the noise."""
+def narrowed(t, widths: Array, q: int) -> Array:
+    """Widths of a box of mode q a period later, cut to the noise."""
     p = len(t.v_lo)
+    widths = (np.abs(t.Phi[q]).astype(float) @ widths + 2 * t.reach[q].astype(float)) * (1 + 1e-12)
+    widths[:p] = np.minimum(widths[:p], (t.v_hi - t.v_lo).astype(float) * (1 + 1e-12))
+    return widths
+
+
+def contracted(t, widths: Array, q: int, samples: int) -> Array:
+    """Widths of a box of mode q after so many periods and ever after: narrow boxes may grow again.
+
+    Raises
+    ------
+    CertificateError
+        They have no bound.
+    """
     for _ in range(samples):
-        widths = np.abs(t.Phi[q]) @ widths + 2 * t.reach[q]
-        widths[:p] = np.minimum(widths[:p], (t.v_hi - t.v_lo))
-    return widths * (1 + 1e-12)
+        widths = narrowed(t, widths, q)
+    for _ in range(LASTING):
+        later = narrowed(t, widths, q)
+        if np.all(later <= widths):  # and so at every later sample
+            return widths
+        widths = np.maximum(widths, later * (1 + 1e-6))
+        if np.any(widths > 1e30):
+            break
+    raise CertificateError(f"certificate: the box of mode {q} grows while the mode stays. Measure another state, or "
+                           "bound the disturbance closer.")
 
 
 class Claims:
@@ -78,15 +108,19 @@ class Claims:
         self.t, self.x, self.u, self.dwell, self.horizon = t, x, u, dwell, horizon
         self.modes = range(len(t.Phi))
         self.oldest = 0  # samples that a wrong child may live
+        self.hull_begun: dict = {}  # the same after power-up, per mode
+        self.hulls: dict = {}  # of the right mode's children, per switch: widths, and at which sample
         self.pairs = [(i, j) for i in self.modes for j in self.modes if i != j]
 
     def course(self, widths: Array) -> Course:
         """Stories with these widths."""
         return Course(self.t, *self.x, *self.u, widths)
 
-    def survivals(self, course: Course, guess: tuple[dict, dict] = ({}, {})) -> tuple[dict, dict]:
-        """Of the old mode after a switch, and of a child while the mode stays."""
-        old = {(i, j): survival(course, Story(i, j, i), self.horizon, guess[0].get((i, j))) for i, j in self.pairs}
+    def survivals(self, course: Course, guess: tuple[dict, dict] = ({}, {}),
+                  switched: bool = True) -> tuple[dict, dict]:
+        """Of the old mode after a switch (where asked for), and of a child while the mode stays."""
+        old = {(i, j): survival(course, Story(i, j, i), self.horizon, guess[0].get((i, j)))
+               for i, j in (self.pairs if switched else ())}
         quiet = {(i, m): survival(course, Story(i, i, m, 0), self.horizon, guess[1].get((i, m)))
                  for i, m in self.pairs}
         self._finite(old, "the old mode after a switch")
@@ -130,6 +164,7 @@ class Claims:
             stories = [Story(true, true, true, None, true, "start")]
             stories += [Story(true, true, true, born, m, "start") for m, k in alive.items() for born in range(k + 1)]
             hull = self.together(course, stories, 0, max(at, 0))
+            self.hull_begun[true] = hull, at
             widths = np.maximum(widths, contracted(self.t, hull, true, max(self.dwell - at, 0)))
         return widths
 
@@ -138,40 +173,91 @@ class Claims:
         story = Story(true, true, m, None, m, begin)
         return -1 if course.program(story, 0).infeasible() else survival(course, story, self.horizon)
 
-    def settled(self) -> tuple[Array, dict, dict]:
+    def settled(self, begin: Array | None = None) -> tuple[Array, dict, dict]:
         """Fixed point of the widths over switches, with the survivals at it.
+
+        Parameters
+        ----------
+        begin : ndarray (n_x,) or None
+            Widths to begin with, where they are larger than those after power-up.
 
         Raises
         ------
         CertificateError
             A mode lives on, or widths grow from switch to switch.
         """
-        t = self.t
         widths = self.begun()
-        old, quiet = {}, {}
-        for _ in range(20):
-            course = self.course(widths)
-            old, quiet = self.survivals(course, (old, quiet))
-            most = widths
-            for i, j in self.pairs:
-                hull, at = self.hull(course, i, j, old[i, j], quiet[i, j])
-                if self.dwell < at:
-                    raise CertificateError(f"certificate: the old mode may live {at} samples, the dwell time is "
-                                           f"{self.dwell}. Use a longer dwell time.")
-                most = np.maximum(most, contracted(t, hull, j, self.dwell - at))
-            if np.all(most <= widths):  # they come back no wider: so at every switch
-                return widths, old, quiet
-            widths = 1.05 * most
+        widths = widths if begin is None else np.maximum(widths, begin)
+        old, quiet, pairs = {}, {}, self.pairs
+        for _ in range(40):
+            old, quiet = self.survivals(self.course(widths), (old, quiet))
+            found = self.returned(widths, old, quiet, pairs)
+            most = np.max([widths, *found.values()], axis=0)
+            if np.all(most <= widths):
+                if pairs is self.pairs:  # they come back no wider: so at every switch
+                    return widths, old, quiet
+                pairs = self.pairs
+            else:  # look at the widest alone until they stand still
+                pairs = [pair for pair, own in found.items() if np.any(own >= most)]
+                widths = 1.03 * (most + 0.8 * (most - widths))
         raise CertificateError("certificate: the box of the true mode grows from switch to switch. Use a longer dwell "
                                "time or less noise.")
 
-    def delays(self, restart: bool = False) -> ModeDelays:
+    def returned(self, widths: Array, old: dict, quiet: dict, pairs) -> dict:
+        """Widths a dwell time after each of these switches that met the given ones."""
+        course, found = self.course(widths), {}
+        for i, j in pairs:
+            hull, at = self.hull(course, i, j, old[i, j], quiet[i, j])
+            if self.dwell < at:
+                raise CertificateError(f"certificate: the old mode may live {at} samples, the dwell time is "
+                                       f"{self.dwell}. Use a longer dwell time.")
+            found[i, j] = contracted(self.t, hull, j, self.dwell - at)
+            self.hulls[i, j] = hull, at
+        return found
+
+    def early(self, quiet: dict) -> tuple[Array, int]:
+        """Widths of the box of the true mode from when it may first give birth itself, and how long that lasts.
+
+        The first of its children that comes of age may have been born before the switch, and lived on into it.
+        """
+        first = self.t.ages - max(quiet.values())
+        late = max(at for _, at in self.hulls.values())
+        if first < late:
+            least = late - first + self.t.ages
+            raise AgesError(f"certificate: a child may come of age {max(first, 0)} samples after the switch, when the "
+                            f"old mode may be alive for {late}. Use at least {least} ages.", least)
+        widths = np.zeros(len(self.t.wide_lo))
+        for q in self.modes:
+            widths = np.maximum(widths, contracted(self.t, self.t.start_hi - self.t.start_lo, q, 0))
+            widths = np.maximum(widths, contracted(self.t, self.hull_begun[q][0], q,
+                                                   max(self.t.ages - self.hull_begun[q][1], 0)))
+        for (_, j), (hull, at) in self.hulls.items():
+            widths = np.maximum(widths, contracted(self.t, hull, j, first - at))
+        return widths, first
+
+    def again(self, widths: Array, old: dict) -> ModeDelays:
+        """The delays anew, at widths that were found before; ``old`` says where to look first.
+
+        Raises
+        ------
+        CertificateError
+            The widths grow from switch to switch, or are exceeded after power-up; or as ``delays``.
+        """
+        found = self.survivals(self.course(widths), (old, {}))
+        after = self.returned(widths, *found, self.pairs)
+        if any(np.any(most > widths) for most in (self.begun(), *after.values())):
+            raise CertificateError("certificate: the box of the true mode may grow beyond the widths stated.")
+        return self._concluded(widths, *found, restart=False)
+
+    def delays(self, restart: bool = False, widths: Array | None = None) -> ModeDelays:
         """All of it.
 
         Parameters
         ----------
         restart : bool
             Also how long it takes after an alarm: the boxes are wide then, and the search long.
+        widths : ndarray (n_x,) or None
+            Where to begin.
 
         Returns
         -------
@@ -182,9 +268,33 @@ class Claims:
         CertificateError
             Modes that cannot be told apart, a dwell time or an oldest age that is too short.
         """
-        widths, old, quiet = self.settled()
+        return self._concluded(*self.settled(widths), restart=restart)
+
+    def sized(self, most: int, widths: Array | None = None) -> tuple[ModeDelays, int]:
+        """``delays`` with the least oldest age that will do, and that age; at most ``most``.
+
+        Raises
+        ------
+        CertificateError
+        """
+        found, ages = self.settled(widths), 1
+        while True:
+            self.t = replace(self.t, ages=ages)
+            try:
+                return self._concluded(*found, restart=False), ages
+            except AgesError as error:
+                if not ages < error.least <= most:
+                    raise
+                ages = error.least
+
+    def _concluded(self, widths: Array, old: dict, quiet: dict, restart: bool) -> ModeDelays:
         course = self.course(widths)
-        self._grown_up(max(quiet.values()))
+        wider, first = self.early(quiet)
+        young = self.survivals(self.course(wider), (old, quiet), switched=False)[1]
+        self._grown_up(max(young.values()))
+        if self.dwell < first + max(young.values()):
+            raise CertificateError(f"certificate: a wrong child born {first} samples after a switch may live "
+                                   f"{max(young.values())}, the dwell time is {self.dwell}. Use a longer dwell time.")
         if self.dwell < self.t.ages + 1:
             raise CertificateError(f"certificate: the dwell time is {self.dwell} samples, at least {self.t.ages + 1} "
                                    f"(ages + 1) expected. Use fewer ages or a longer dwell time.")
@@ -203,13 +313,13 @@ class Claims:
         if restart:
             wide = self.first("wide", course)
             wide = None if self.t.ages < self.oldest + 1 else wide  # wrong children may come of age: nothing is sure
-        return ModeDelays({k: v + 1 for k, v in old.items()}, identified, max(quiet.values()) + 1, start, wide, widths)
+        return ModeDelays({k: v + 1 for k, v in old.items()}, identified, max(young.values()) + 1, start, wide, widths)
 
     def _grown_up(self, samples: int) -> None:
         """A wrong child that reached the oldest age would give birth itself."""
         if self.t.ages < samples + 1:
-            raise CertificateError(f"certificate: a wrong child may reach age {samples}, the oldest age is "
-                                   f"{self.t.ages}. Use at least {samples + 1} ages.")
+            raise AgesError(f"certificate: a wrong child may reach age {samples}, the oldest age is "
+                            f"{self.t.ages}. Use at least {samples + 1} ages.", samples + 1)
 
     def _children(self, course: Course, story: Story, births) -> int:
         """Longest survival of the children born in these periods."""

@@ -113,14 +113,13 @@ def state(t, names: Names) -> tuple[list[Member], list[Word], int]:
     return numbers, words, t.shape.order * len(t.box)
 
 
-def operations(t, views, n_u: int, n_y: int) -> Operations:
-    """Count the dearest step: one at which a block ends."""
-    z, n = t.shape, len(t.box)
-    residual, forward, blind = (np.array(v.operations) for v in views)
-    multiply, add = (int(c) for c in residual + np.maximum(forward, blind))
-    d, columns, kept, others = z.rows.shape[2], z.order + z.pushed.shape[4], z.order - n, len(z.directions) - n_y
-    multiply += d * n * z.order + n * n * z.order + 2 * n * columns + others * n_y
-    add += d * (n * z.order + z.order + 1) + n * n * z.order + n * columns + n * (columns - kept) + n * z.order
-    add += others * n_y + 2 * n
-    compares = kept * columns - kept * (kept + 1) // 2 + n * (columns - kept) + d * z.order + n * z.order
-    return Operations(multiply, add, compares + 2 * n_u + 4 * n_y + 7 * n + 2 * others)
+def operations(t) -> Operations:
+    """Count the dearest sample: a block ends, and the bounds of x are formed twice because the set starts anew."""
+    z, n, n_y = t.shape, len(t.box), t.C.shape[1]
+    columns, kept, others = z.order + z.pushed.shape[4], z.order - n, len(z.directions) - n_y
+    reaches = z.rows.shape[2] + n
+    multiply = reaches * n * z.order + n * n * z.order + 2 * n * columns + others * n_y
+    add = (reaches * (n * z.order + z.order + 1) + n * n * z.order + n * columns + n * (columns - kept) + n * z.order
+           + others * n_y)
+    compares = kept * columns - kept * (kept + 1) // 2 + n * (columns - kept) + reaches * z.order + n * z.order
+    return Operations(multiply, add, compares + 4 * n + 2 * n_y + 2 * others)

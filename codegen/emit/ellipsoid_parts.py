@@ -119,17 +119,21 @@ def state(t, names: Names) -> tuple[list[Member], list[Word], int]:
             len(t.box) ** 2)
 
 
-def operations(t, views, n_u: int, n_y: int) -> Operations:
-    """Count the dearest step."""
-    n, z = len(t.box), t.shape
-    residual, forward, blind = (np.array(v.operations) for v in views)
-    multiply, add = (int(c) for c in residual + np.maximum(forward, blind))
-    for r in (n, n_y):  # A X, its product with A', factor and noise, the diagonal, the trace
-        multiply += r * n * n + r * (r + 1) // 2 * (n + 1) + r + n
-        add += r * n * (n - 1) + r * (r + 1) // 2 * n + r + n
-    tangents = n * len(z.a) + n_y * len(z.ay)
-    rows = len(z.directions) if n_y > 2 else 0
-    multiply += tangents + (11 if n_y == 2 else 0) + rows * (n_y * n_y + 3 * n_y + 3)
-    add += tangents + 3 * n + (7 if n_y == 2 else 0) + rows * (n_y * n_y + 2 * n_y + 2)
-    compares = 2 * n_u + 4 * n_y + 4 * n + tangents + (1 if n_y == 2 else 0) + rows * (n_y + 2)
-    return Operations(multiply, add, compares)
+def operations(t) -> Operations:
+    """Count the dearest sample: at one that starts again the half widths of x are formed twice."""
+    n, n_y, z = len(t.box), t.C.shape[1], t.shape
+    out = Operations(0, 0, 0)
+    for r in (n, n_y):  # A X, its product with A', factor and noise, the diagonal, the trace; sums begin with 0
+        both = r * n * n + r * (r + 1) // 2 * (n + 1) + r + n
+        out += Operations(both, both, 0)
+    for rows, tangents in ((2 * n, len(z.a)), (n_y, len(z.ay))):
+        out += Operations(rows * tangents, rows * tangents, rows * (tangents + 1))
+    return out + Operations(0, 2 * n, 0) + membership(t)
+
+
+def membership(t) -> Operations:
+    """Count the test of several outputs together."""
+    n_y = t.C.shape[1]
+    rows = len(t.shape.directions) if n_y > 2 else 0
+    out = Operations(rows * (n_y * n_y + 3 * n_y + 3), rows * (n_y * n_y + 3 * n_y + 2), rows * (n_y + 1))
+    return out + (Operations(10, 8, 1) if n_y == 2 else Operations(0, 0, 0))

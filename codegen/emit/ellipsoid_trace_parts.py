@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from ..observers.ellipsoid import shape_of_box
 from ..observers.ellipsoid_trace import STEPS
 from ..observers.point import centred
 from .cprint import initialiser, literal
-from .ellipsoid_parts import Form, lower_of, state
+from .ellipsoid_parts import Form, lower_of, membership, state
 from .maps import Names, Table
 from .parts import Operations, Size
 from .pieces import mode_rows
@@ -97,16 +97,15 @@ def view(t, names: Names) -> TraceView:
         floor=literal(z.floor, real))
 
 
-def operations(t, views, n_u: int, n_y: int) -> Operations:
-    """Count the dearest step: as with fixed weights, but for the roots."""
-    n, z = len(t.box), t.shape
-    multiply, add = (sum(v.operations[i] for v in views[:1]) + max(v.operations[i] for v in views[1:]) for i in (0, 1))
-    roots, tangents = n + n_y + 2, len(z.a)
+def operations(t) -> Operations:
+    """Count the dearest sample: as with fixed weights, but for the roots."""
+    n, n_y, tangents = len(t.box), t.C.shape[1], len(t.shape.a)
+    out = Operations(0, 0, 0)
     for r in (n, n_y):  # A X, its product with A', both factors, the diagonal, two traces, the weight of a root
-        multiply += r * n * n + r * (r + 1) // 2 * (n + 2) + 2 * r + n + 1
-        add += r * n * (n - 1) + r * (r + 1) // 2 * n + 2 * r + n + 2
-    rows = len(z.directions) if n_y > 2 else 0
-    multiply += 2 * (n + n_y) + roots * (tangents + STEPS) + (11 if n_y == 2 else 0) + rows * (n_y * n_y + 3 * n_y + 3)
-    add += roots * (tangents + STEPS) + 3 * n + (7 if n_y == 2 else 0) + rows * (n_y * n_y + 2 * n_y + 2)
-    compares = 2 * n_u + 4 * n_y + 4 * n + roots * tangents + (1 if n_y == 2 else 0) + rows * (n_y + 2)
-    return replace(Operations(int(multiply), int(add), compares), divide=roots * STEPS + 2)
+        carried, entries = r * n * n + n, r * (r + 1) // 2
+        out += Operations(carried + entries * (n + 2) + 2 * r + 1, carried + entries * (n + 1) + 2 * r + 2, 0, 1)
+    roots = 2 * n + n_y
+    out += Operations(2 * roots, 2 * n, 2 * roots)
+    roots += 2
+    out += Operations(roots * (tangents + STEPS), roots * (tangents + STEPS), roots * tangents, roots * STEPS)
+    return out + membership(t)

@@ -227,7 +227,7 @@ def mode_word(m: str) -> Word:
 
 
 def state_layout(names: Names, s, n_bits: int, numbers: list[Member], reals: int, kept: list[str],
-                 words: list[Word]) -> StateLayout:
+                 words: list[Word], extra: int = 0) -> StateLayout:
     """Lay out a state of a family's own numbers and words, and after them the supervisor's words.
 
     Parameters
@@ -243,6 +243,8 @@ def state_layout(names: Names, s, n_bits: int, numbers: list[Member], reals: int
         Numbers that ``clear`` sets to zero.
     words : list of Word
         Words of the family.
+    extra : int
+        Words among ``numbers``, at their end.
 
     Returns
     -------
@@ -258,7 +260,7 @@ def state_layout(names: Names, s, n_bits: int, numbers: list[Member], reals: int
     members = numbers + [("uint32_t", name, "", (note,)) for name, _, note in words]
     clear = [f"{place} = {literal(0.0, names.real)};" for place in kept]
     clear += [f"s->{name} = {value};" for name, value, _ in words if value]
-    count = len(words) + 1
+    count = len(words) + 1 + extra
     if s.debounce[1] > 1:
         members.append(("uint32_t", "history", f"[{m}_BITS]",
                         (f"per alarm bit its last {s.debounce[1]} samples, the newest in bit 0",)))
@@ -274,13 +276,16 @@ def state_layout(names: Names, s, n_bits: int, numbers: list[Member], reals: int
     return StateLayout(tuple(members), size, tuple(clear), any(name == "mode" for name, _, _ in words))
 
 
-def in_fields(names: Names, n_u: int, n_theta: int) -> tuple[Member, ...]:
-    """Members of the input struct."""
+def in_fields(names: Names, n_u: int, n_theta: int, told: bool = True) -> tuple[Member, ...]:
+    """Members of the input struct; ``told``: the mode is one."""
     m, real = names.macro, names.real_type
     inputs = ((real, "u", f"[{m}_NU]", ("inputs that act from this sample to the next",)),)
     spare = (("uint32_t", "spare", "", ("not read: fills the struct to a multiple of 8 bytes",)),)
     parameters = ((real, "theta", f"[{m}_NTHETA]", ("parameters as measured at this sample",)),) * bool(n_theta)
-    return (*(inputs if n_u else ()), (real, "y", f"[{m}_NY]", ("measurements of this sample",)), *parameters,
+    numbers = (*(inputs if n_u else ()), (real, "y", f"[{m}_NY]", ("measurements of this sample",)), *parameters)
+    if not told:
+        return numbers
+    return (*numbers,
             ("uint32_t", "mode", "", ("mode that acts from this sample to the next",)),
             *(spare if names.real == "float64" else ()))
 

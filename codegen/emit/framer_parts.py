@@ -35,7 +35,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     views = tuple((lay_out_varying if isinstance(spec, Varying) else lay_out)(spec, layout) for spec in specs)
     late = t.vary is not None and t.vary.late
     changes = tuple(lay_out(spec, layout) for spec in families.change_specs(t, names, x))
-    operations = _operations(family, views, changes[:1], t, len(u), len(y))
+    operations = _operations(family, views, changes, t, (len(u), len(y), len(theta)))
     views = (*changes, *views)
     if late:
         views += tuple(lay_out_varying(spec, layout) for spec in families.late_specs(*specs[1:], names))
@@ -86,11 +86,20 @@ def _cut(names: Names, name: str, vector: str, what: str, lo, hi, layout: str) -
     return Cut(lines, (), (), name, vector, what)
 
 
-def _operations(family: str, views: tuple[MapView, ...], more: tuple[MapView, ...], t, n_u: int,
-                n_y: int) -> Operations:
-    """Count the dearest step: residual bounds, the dearer way of moving the framers that a step takes, and ``more``."""
-    residual, forward, blind = (np.array(v.operations) for v in views)
-    moves = np.maximum(forward, blind) if family == "tnl" else forward
-    multiply, add = (int(n) for n in residual + moves + sum(np.array(v.operations) for v in more))
-    n_x, cuts = len(t.x_lo), (t.clamp or family == "tnl") + len(more)
-    return Operations(multiply, add, 2 * n_u + 4 * n_y + (0 if t.shared else n_x) + 4 * n_x * cuts)
+def _operations(family: str, views: tuple[MapView, ...], changes: tuple[MapView, ...], t,
+                sizes: tuple[int, int, int]) -> Operations:
+    """Count the dearest call: checks of the inputs, bounds of the residual, the dearest way of moving the framers."""
+    n_x, (n_u, n_y, n_theta) = len(t.x_lo), sizes
+    residual, forward, blind = (v.operations for v in views)
+    cut = np.array([0, 0, 4 * n_x])
+    forward, blind, again = forward + t.clamp * cut, blind + cut, 0 * cut
+    if changes:  # from z to x and back, each with a cut of its own; a restart needs z too
+        to_x, to_z = (v.operations + cut for v in changes)
+        forward, blind, again = forward + to_x, blind + to_z, to_z
+    moves = np.maximum(forward, blind)
+    if t.vary is not None and t.vary.late:
+        moves = 2 * moves + [0, 0, 2 * n_x]
+    judged = residual + [0, 0, 2 * n_y + (0 if t.shared else n_x)]
+    judged = judged + (moves + again if family == "tnl" else np.maximum(forward, again))
+    multiply, add, compare = np.maximum(judged + [0, 0, 2 * n_y], moves)
+    return Operations(int(multiply), int(add), int(compare) + 2 * (n_u + n_theta))

@@ -23,7 +23,8 @@ class Range:
 
 @dataclass(frozen=True)
 class FuzzView:
-    """What the harness prints; ``inputs`` is the number of inputs, or nothing without; so ``parameters``.
+    """What the harness prints; ``inputs`` is the number of inputs, or nothing without; so ``parameters`` and
+    ``told``, the mode.
 
     ``bounds`` is x where the answer has its bounds, ``finite`` are its other vectors of numbers.
     """
@@ -33,6 +34,7 @@ class FuzzView:
     ranges: tuple[Range, ...]
     inputs: tuple[str, ...]
     parameters: tuple[str, ...]
+    told: tuple[str, ...]
     bounds: tuple[str, ...]
     finite: tuple[str, ...]
 
@@ -62,5 +64,6 @@ def fuzz_harness(record: dict) -> str:
     return render("harness/fuzz.c.jinja", h=FuzzView(record["prefix"], macro, ranges,
                                                      (f"{macro}_NU",) if record["n_u"] else (),
                                                      (f"{macro}_NTHETA",) if record["n_theta"] else (),
+                                                     tuple(name for name, *_ in record["in"] if name == "mode"),
                                                      ("x",) if "x_lo" in answers else (),
                                                      () if "x_lo" in answers else ("f_hat", "f_bound")))

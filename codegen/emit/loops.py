@@ -17,7 +17,7 @@ class LoopPrinter:
     def __init__(self, spec: MapSpec):
         self.spec = spec
         self.tables: list[Table] = []
-        self.multiply = 0
+        self.multiply = self.compare = 0
         self.numbers = 0
         self.apart = spec.shared and len(spec.sides) > 1  # the common part is a sum of its own
 
@@ -42,7 +42,8 @@ class LoopPrinter:
         text = [line for stage in stages for line in (*stage.lines, *(u for i in stage.inner for u in i.updates))]
         add = self.multiply + len(spec.rows) * len(spec.sides) * (2 if end else 1)
         return Loops(spec.name, spec.equation, spec.parameters, unused(spec, [*text, *prologue]), tuple(self.tables),
-                     prologue, spec.row_count, tuple(stages), spec.tail, self.multiply, add, self._flash(stages))
+                     prologue, spec.row_count, tuple(stages), spec.tail, self.multiply, add, self._flash(stages),
+                     self.compare)
 
     def _flash(self, stages: list[Stage]) -> int:
         """Estimate the bytes of code and constants on a Cortex-M4F at -Os: as measured, within a tenth or two."""
@@ -91,6 +92,7 @@ class LoopPrinter:
             own = f"(({cell} >= {zero}) ? {own} : {opposite})" if signed else own
             updates.append(f"{_total(side)} += ({cell} * {own});")
         self.multiply += len(self.spec.sides) * state.lo[0].size
+        self.compare += len(self.spec.sides) * state.lo[0].size * bool(signed)
         return Inner(state.count, tuple(updates))
 
 

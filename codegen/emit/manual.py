@@ -73,11 +73,13 @@ def assumed(design, tables, monitors_dwell: bool) -> tuple[str, ...]:
     told = "its true mode from this sample to the next" if not plant.switching.late else (
         "its mode from this sample to the next or still that of the step before; every mode is told for a sample at "
         "least")
-    items = [f"The plant is the one of the plant file, and in->mode is {told}.",
+    given = f"and in->mode is {told}" if plant.switching.known else "with one of its modes active at any instant"
+    items = [f"The plant is the one of the plant file, {given}.",
              f"Every sample period ({period}) there is exactly one call of step or predict.",
              "At the call of init the state is in its initial box; at all times it is in its range. The range "
              + ("cuts the bounds in every call." if tables.clamp else
-                "is used by predict, by reset, and for the restart after a fault.")]
+                "is used by predict, by reset, and for the restart after a fault." if plant.switching.known else
+                "is where the boxes start again after a fault.")]
     items += _bounds(plant, "disturbance", plant.w, "w") + _bounds(plant, "measurement noise", plant.v, "v")
     items += _parameters(plant) + _sampling(plant)
     if monitors_dwell:
@@ -111,7 +113,8 @@ def _sampling(plant) -> list[str]:
                                                  for s in moving)
         + (", the others are held" if len(moving) < len(plant.u) else ""))
     first = [held] if plant.u else []
-    return [". ".join([*first, "The mode changes at samples only. Disturbances and parameters may move between samples "
+    change = "at samples only" if plant.switching.known else "at any instant"
+    return [". ".join([*first, f"The mode changes {change}. Disturbances and parameters may move between samples "
                        "too: the bounds hold at the samples whatever they do there"]) + "."]
 
 

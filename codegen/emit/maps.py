@@ -176,6 +176,12 @@ class Straight:
     add: int
     flash: int
 
+    @property
+    def compare(self) -> int:
+        """Comparisons, as printed."""
+        lines = [line for row in self.rows for s in row.statements for line in s.lines]
+        return sum(line.count(" < ") + line.count(" > ") for line in lines)
+
 
 @dataclass(frozen=True)
 class Inner:
@@ -209,6 +215,7 @@ class Loops:
     multiply: int
     add: int
     flash: int
+    compare: int = 0
 
 
 @dataclass(frozen=True)
@@ -244,10 +251,10 @@ class MapView:
     switches: tuple[Switch, ...] = ()
 
     @property
-    def operations(self) -> tuple[int, int]:
-        """(multiplications, additions) of the dearest mode."""
+    def operations(self) -> Array:
+        """Multiplications, additions and comparisons of the dearest mode, the tail apart; an int array (3,)."""
         bodies = (*self.straights, *self.loops)
         always = [b for b in bodies if any(b.name in line for s in self.switches for line in s.first)]
         others = [b for b in bodies if b not in always]
-        return (sum(b.multiply for b in always) + max(b.multiply for b in others),
-                sum(b.add for b in always) + max(b.add for b in others))
+        counts = [[(b.multiply, b.add, b.compare) for b in some] or [(0, 0, 0)] for some in (always, others)]
+        return np.sum(counts[0], axis=0) + np.max(counts[1], axis=0)

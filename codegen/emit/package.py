@@ -11,6 +11,7 @@ from pathlib import Path
 
 from .. import __version__
 from ..errors import EmitError
+from ..observers import ModeTables
 from ..target import metrics
 from . import golden
 from .gappa import rounding
@@ -59,8 +60,8 @@ def files(design, real: str | None = None, layout: str | None = None, measure: b
 
 
 def _proofs(design, d: DesignView) -> dict[str, str]:
-    """Print what Frama-C and Gappa read; nothing yet for fault estimation filters."""
-    if d.family == "filter":
+    """Print what Frama-C and Gappa read; nothing for families whose C is not read back."""
+    if not design.observer.stated:
         return {}
     return {f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d)),
             f"rounding_{d.prefix}.g": render("harness/rounding.g.jinja", d=d, g=rounding(design, d))}
@@ -80,6 +81,7 @@ def resources(d: DesignView, design) -> dict:
         ranges["box_start"] = t.shape.Z.astype(float).tolist()
     theta = {} if not d.theta else {name: getattr(t.vary, name).astype(float).tolist()
                                     for name in ("theta_lo", "theta_hi")}
+    own = {"mode": {"S": t.S.tolist(), "ages": t.ages}} if isinstance(t, ModeTables) else {}
     return {"generator": f"residua {d.version}", "prefix": d.prefix, "macro": d.macro, "real": d.real,
             "layout": d.layout, "family": d.family, "certificate": design.digest,
             "n_x": len(d.x), "n_u": len(d.u), "n_y": len(d.y), "n_theta": len(d.theta),
@@ -88,12 +90,12 @@ def resources(d: DesignView, design) -> dict:
                (("in", d.in_fields), ("out", d.out_fields), ("state", d.state_fields))},
             "state_bytes": d.state_bytes,
             "operations_per_step": d.operations.counts(), "supervision": s.to_dict(), "ranges": ranges | theta,
-            **({} if t.change is None else {"change": t.change.to_dict()})}
+            **own, **({} if t.change is None else {"change": t.change.to_dict()})}
 
 
 def _members(d: DesignView, fields) -> list[list]:
     """Describe a struct as [name, "real" or "uint32", number of elements]."""
-    sizes = {"NX": d.x, "NU": d.u, "NY": d.y, "NTHETA": d.theta, "BITS": d.bits}
+    sizes = {"NX": d.x, "MODES": d.modes, "NU": d.u, "NY": d.y, "NTHETA": d.theta, "BITS": d.bits}
     counts = {f"[{d.macro}_{name}]": len(channels) for name, channels in sizes.items()} | {"": 1}
     counts |= {f"[{d.macro}_{name}]": n for name, n in d.lengths}
     return [[f.name, "uint32" if f.type == "uint32_t" else "real", counts[f.size]] for f in fields]

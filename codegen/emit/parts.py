@@ -63,12 +63,15 @@ class Move:
 
 @dataclass(frozen=True)
 class Operations:
-    """Floating-point operations of the dearest step."""
+    """Floating-point operations of the dearest call."""
 
     multiply: int
     add: int
     compare: int
     divide: int = 0
+
+    def __add__(self, other: Operations) -> Operations:
+        return Operations(*(int(a + b) for a, b in zip(vars(self).values(), vars(other).values())))
 
     def counts(self) -> dict[str, int]:
         """By name, divisions where there are any."""
@@ -88,8 +91,9 @@ class Size:
 class Parts:
     """The part of ``DesignView`` that depends on the family; ``noun`` is what a fault spoils, in words.
 
-    ``header`` and ``self_test`` are templates, ``sets`` is the error set of a point observer or the tables of a filter,
-    or nothing; ``lengths`` are macros of sizes that are not those of x, u and y.
+    ``header`` and ``self_test`` are templates, ``sets`` is the error set of a point observer, or what a filter or a
+    mode estimator has in its place, or nothing; ``lengths`` are macros of sizes that are not those of x, u and y.
+    ``told``: the mode is an input.
     """
 
     noun: str
@@ -108,6 +112,7 @@ class Parts:
     move: Move
     sets: tuple[object, ...] = ()
     lengths: tuple[tuple[str, int], ...] = ()
+    told: bool = True
 
 
 def assign(array: str, values: Array, real: str) -> tuple[str, ...]:

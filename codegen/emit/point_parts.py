@@ -117,7 +117,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
         noun="estimates", header="point.h.jinja", self_test="harness/test_point.c.jinja", bits=bits,
         maps=views, state=state,
         out_fields=tuple(Field(*f) for f in out_fields(names)),
-        operations=family_operations(t, views, len(u), len(y)),
+        operations=family_operations(t) + estimate(t, views, len(u)),
         cuts=(Cut(tuple(f"x_hat[{i}] = {p}_clip(x_hat[{i}], {literal(-b, t.real)}, {literal(b, t.real)});"
                         for i, b in enumerate(t.box)), (), ()),),
         start=assign("s->x_hat", centre["x0"], t.real), whole_range=assign("s->x_hat", centre["x"], t.real),
@@ -259,13 +259,19 @@ def zonotope(t, names: Names) -> SetView:
         floor=literal(z.floor, real), compares=kept * z.columns - kept * (kept + 1) // 2)
 
 
-def operations(t, views, n_u: int, n_y: int) -> Operations:
-    """Count the dearest step: estimate, residual, reduction, carrying of the set, bounds and membership."""
-    z, n = t.shape, len(t.box)
-    residual, forward, blind = (np.array(v.operations) for v in views)
-    multiply, add = (int(c) for c in residual + np.maximum(forward, blind))
-    own = set_work(n, n_y, z.order, z.F.shape[3], z.V.shape[3], len(z.directions), z.pairs, z.oblique)
-    return Operations(multiply + own.multiply, add + own.add + 2 * n, own.compare + 2 * n_u + 3 * n_y + 3 * n)
+def operations(t) -> Operations:
+    """Count the dearest sample of a zonotope."""
+    z = t.shape
+    own = set_work(len(t.box), t.C.shape[1], z.order, z.F.shape[3], z.V.shape[3], len(z.directions), z.pairs, z.oblique,
+                   z.key == "girard")
+    return Operations(own.multiply, own.add, own.compare)
+
+
+def estimate(t, views, n_u: int) -> Operations:
+    """Count what all point observers do: checks of u and y, estimate and residual, the box around the estimate."""
+    residual, forward, blind = (v.operations for v in views)
+    n, n_y = len(t.box), t.C.shape[1]
+    return Operations(*(residual + np.maximum(forward, blind) + [0, 2 * n, 2 * (n_u + n_y + n)]))
 
 
 #: Families whose set is a table, at least in part: what it says depends on the mode now.

@@ -96,9 +96,7 @@ def state(t, names: Names) -> tuple[list[Member], list[Word], int]:
                 ("since", "", f"samples since the mode was entered or the table started, at most {z.cap}")], 0
 
 
-def operations(t, views, n_u: int, n_y: int) -> Operations:
-    """Count the dearest step of a table."""
-    n, rows = len(t.box), len(t.shape.directions) - n_y
-    residual, forward, blind = (np.array(v.operations) for v in views)
-    multiply, add = (int(c) for c in residual + np.maximum(forward, blind))
-    return Operations(multiply + rows * n_y, add + rows * n_y + 2 * n, 2 * n_u + 4 * n_y + 4 * n + 2 * rows)
+def operations(t) -> Operations:
+    """Count the dearest sample: directions that are no coordinates, thresholds, the box of the estimate."""
+    n, n_y, rows = len(t.box), t.C.shape[1], len(t.shape.directions) - t.C.shape[1]
+    return Operations(rows * n_y, rows * n_y, 2 * n + 2 * n_y + 2 * rows)

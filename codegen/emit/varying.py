@@ -179,7 +179,9 @@ def body(v: Varying, modes: Array, name: str) -> Straight:
         rows = [replace(row, statements=tuple(s for s in row.statements if s not in stores)) for row in rows]
         rows.append(Row("the new bounds, now that no row reads the old ones any more", tuple(stores)))
     text = [f"{s.target} {' '.join(s.lines)}" for row in rows for s in row.statements]
-    multiply, add = map(int, p.operations)
+    texts = [line for s in found for line in s.lines]
+    multiply, add = (int(n) for n in p.operations + [sum(t.count(" * ") for t in texts),
+                                                     sum(t.count(" - ") + t.count(" + ") for t in texts)])
     return Straight(name, spec.equation, spec.parameters, unused(spec, [*text, *prologue]), tables, prologue,
                     tuple(rows), spec.tail, multiply, add, p.columns.flash(spec, multiply, add, len(modes)))
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import EmitError
-from ..observers import FilterTables, PointTables
-from . import families, filter_parts, framer_parts, manual, point_parts
+from ..observers import FilterTables, ModeTables, PointTables
+from . import families, filter_parts, framer_parts, manual, mode_parts, point_parts
 from .cprint import C_TYPE, check_prefix, comment, initialiser, literal, macro_names
 from .layouts import LAYOUTS
 from .manual import Bit, Channel, Manual
@@ -176,7 +176,7 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         guards=Guards(*(("FLT_MANT_DIG", 24) if real == "float32" else ("DBL_MANT_DIG", 53))), manual=text,
         initial_box=manual.initial_box(x, t, real), x=x, u=u, y=y, theta=theta,
         input_groups=(u,) if u else (), parameter_groups=(theta,) if theta else (), modes=modes, bits=bits,
-        in_fields=tuple(Field(*f) for f in families.in_fields(names, len(u), len(theta))),
+        in_fields=tuple(Field(*f) for f in families.in_fields(names, len(u), len(theta), own.told)),
         out_fields=own.out_fields, state_fields=tuple(Field(*f) for f in fields.members),
         state_bytes=fields.size, operations=own.operations, maps=own.maps, checks=checks,
         check_input=tuple(c.name for c in checks if c.vector == "u"),
@@ -201,7 +201,8 @@ def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
         faults = manual.channels(design.plant.f, *(side.astype(t.dtype) for side in design.plant.limits("f")), t.real,
                                  "f_hat")
         return filter_parts.parts(t, s, names, signals, layout, faults)
-    make = point_parts.parts if isinstance(t, PointTables) else framer_parts.parts
+    make = (mode_parts.parts if isinstance(t, ModeTables) else
+            point_parts.parts if isinstance(t, PointTables) else framer_parts.parts)
     return make(design.observer.family, t, s, names, signals, layout)
 
 
@@ -293,5 +294,5 @@ def _windows(s, prefix: str) -> tuple[Window, ...]:
 def _resources(size: int, operations: Operations) -> tuple[str, ...]:
     divisions = f"{operations.divide} divisions, " if operations.divide else ""
     return (f"state: {size} bytes per instance; no heap, no static variables",
-            f"step: at most {operations.multiply} multiplications, {divisions}{operations.add} additions and "
+            f"step, predict: at most {operations.multiply} multiplications, {divisions}{operations.add} additions and "
             f"{operations.compare} comparisons of real numbers")

@@ -35,7 +35,8 @@ class HostView:
     """What the batch glue's template prints; ``inputs`` is the macro of n_u, or nothing without; so ``parameters``.
 
     ``starts`` are the members of the state that another initial box sets; ``answers`` the numbers of the output struct:
-    those that every sample gives, ``always``, then those of a measured one.
+    those that every sample gives, ``always``, then those of a measured one; ``words`` are the words of it that only a
+    mode estimator has, ``told`` the mode where it is an input.
     """
 
     prefix: str
@@ -46,6 +47,8 @@ class HostView:
     starts: tuple[Vector, ...]
     always: tuple[Vector, ...]
     measured: tuple[Vector, ...]
+    words: tuple[str, ...]
+    told: tuple[str, ...]
 
     @property
     def answers(self) -> tuple[Vector, ...]:
@@ -78,7 +81,8 @@ def build(folder: str | Path) -> Driver:
                         "Make the folder with residua generate.") from error
     view = HostView(prefix, macro, c_type, (f"{macro}_NU",) if record["n_u"] else (),
                     (f"{macro}_NTHETA",) if record["n_theta"] else (), vectors(record, "state", START),
-                    vectors(record, "out", ALWAYS), vectors(record, "out", MEASURED))
+                    vectors(record, "out", ALWAYS), vectors(record, "out", MEASURED), own_words(record),
+                    tuple(name for name, *_ in record["in"] if name == "mode"))
     ffi = cffi.FFI()
     ffi.cdef(declarations(record))
     with tempfile.TemporaryDirectory(prefix="residua-") as scratch:
@@ -114,7 +118,7 @@ def declarations(record: dict) -> str:
              for of, struct, among in (("start", "state", START), ("answer", "out", ALWAYS + MEASURED))}
     arrays = (("const " + real, "u y theta"), ("const uint32_t", "q"), ("const " + real, names["start"]),
               (real, names["answer"]), ("unsigned char", "any_alarm"), ("uint32_t", "alarm latched raw"),
-              ("unsigned char", "assured"), ("int64_t", "status"))
+              ("unsigned char", "assured"), ("uint32_t", " ".join(own_words(record))), ("int64_t", "status"))
     arguments = ", ".join(f"{kind} *{name}" for kind, names in arrays for name in names.split())
     return (f"{structs}void {p}_init({p}_state *s);\nvoid {p}_reset({p}_state *s);\n"
             f"int {p}_step{step}int {p}_predict{step}"
@@ -139,7 +143,13 @@ def vectors(record: dict, struct: str, among: tuple[str, ...]) -> tuple[Vector, 
     return tuple(Vector(name, f"{counts[name]}U") for name in among if name in counts)
 
 
-START = ("x_lo", "x_hi", "z_lo", "z_hi", "x_hat", "shape")
+def own_words(record: dict) -> tuple[str, ...]:
+    """Words of the output struct that only a mode estimator has."""
+    return tuple(name for name, *_ in record["out"] if name in WORDS)
+
+
+START = ("x_lo", "x_hi", "z_lo", "z_hi", "x_hat", "shape", "box_lo", "box_hi")
 ALWAYS = ("x_hat", "x_lo", "x_hi")
 MEASURED = ("r_lo", "r_hi", "r", "r_bound", "f_hat", "f_bound")
-VECTORS = frozenset({*START, *ALWAYS, *MEASURED, "u", "y", "theta", "history", "xi"})
+WORDS = ("mode", "mode_set", "settled_set", "age")
+VECTORS = frozenset({*START, *ALWAYS, *MEASURED, "u", "y", "theta", "history", "xi", "alive"})

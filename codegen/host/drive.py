@@ -108,7 +108,7 @@ class Driver:
         reads = [self._pointer(a) for a in (u, y, theta, q, *boxes)]
         writes = [self._pointer(a, write=True) for a in (
             *trace.numbers(), trace.alarm, trace.alarm_bits, trace.latched_bits,
-            trace.raw_bits, trace.assured, trace.status)]
+            trace.raw_bits, trace.assured, *trace.words(), trace.status)]
         self.lib.residua_run(runs, steps, *reads, *writes)
         return trace
 

@@ -8,6 +8,8 @@ from .ellipsoid_trace import EllipsoidTraceObserver, TraceTables
 from .filter import FilterObserver, FilterTables
 from .framer import FramerTables, Variation
 from .interval import IntervalObserver
+from .mode_observer import ModeObserver, ModeTrace
+from .mode_tables import ModeTables
 from .point import PointObserver, PointTables
 from .runner import Runner
 from .schedule import ScheduleObserver, ScheduleTables
@@ -20,10 +22,10 @@ from .zonotope import ZonotopeObserver, ZonotopeTables
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
             "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
-            "filter": FilterObserver}
+            "filter": FilterObserver, "mode": ModeObserver}
 
 __all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
            "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables",
-           "IntervalObserver", "PointObserver", "PointTables", "PointTrace", "Runner", "ScheduleObserver",
-           "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace",
-           "TraceTables", "Variation", "ZonotopeObserver", "ZonotopeTables"]
+           "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
+           "Runner", "ScheduleObserver", "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables",
+           "TnlObserver", "Trace", "TraceTables", "Variation", "ZonotopeObserver", "ZonotopeTables"]

@@ -1,113 +1,44 @@
-"""Which modes are still possible: set-membership invalidation of hypotheses (mode, age) by sampled measurements.
+"""Run-time family "mode": the modes that are still possible, invalidated one by one by the measurements.
 
 Plant ``x' = A_q x + B_q u + w``, ``y = C x + D u + v`` with C common to the modes, w and v bounded, u held, the mode
 unknown; it changes at any instant, not more often than every ``ages`` + 1 samples. In coordinates xi = S x whose first
-components are C x, every hypothesis that is alive holds one box. Per sample:
+components are C x, every hypothesis (mode, age) that is alive holds one box. Per sample:
 
 1. cut the first components with y - D u - v; an empty box is the proof that its hypothesis is wrong;
 2. none left: a fault, or bounds that do not hold. Start anew from the widest boxes;
 3. carry every box over the period, ages by one, the oldest age meaning "at least so old";
 4. a box of the oldest age in mode i gives birth to (j, 0) for every j: it switched within this period.
 
-So the true (mode, age) is alive and holds the true state at every sample, through switches too.
+So the true (mode, age) is alive and holds the true state at every sample, through switches too. Every product and sum
+is rounded by itself, in the order of the C; the tables hold what that can do.
 
 Source: C. Zammali (2020), chapter 4, states the task (sliding modes there); this scheme is our own, with a guarantee.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..algebra.interval import neg, pos
+from .mode_tables import ModeTables
 
 Array = np.ndarray
 
 
-@dataclass(frozen=True)
-class ModeTables:
-    """Constants of one period, each box enlarged for what rounding may add.
-
-    Parameters
-    ----------
-    S : ndarray (n_x, n_x), S_inverse : ndarray (n_x, n_x)
-    x_room : ndarray (n_x,)
-        What S_inverse and its product may lose.
-    Phi : ndarray (N, n_x, n_x), Gamma : ndarray (N, n_x, n_u), shift : ndarray (N, n_x)
-        xi+ = Phi xi + Gamma u + shift +- reach.
-    reach : ndarray (N, n_x)
-    J : ndarray (N, N, n_x, n_x), J_u : ndarray (N, N, n_x, n_u), J_shift : ndarray (N, N, n_x)
-        From mode i to j within the period: what is added lies between 0 and J xi + J_u u + J_shift +- (J_radius |xi| +
-        J_u_radius |u| + J_reach).
-    J_radius, J_u_radius, J_reach : ndarray (N, N, n_x, n_x), (N, N, n_x, n_u), (N, N, n_x)
-    birth : ndarray (N, N, n_x)
-        What the disturbances of both modes reach in the period; at least ``reach``.
-    D : ndarray (n_y, n_u)
-    v_lo, v_hi : ndarray (n_y,)
-        Bounds of y - C x - D u.
-    start_lo, start_hi : ndarray (n_x,)
-        Box of xi at power-up.
-    wide_lo, wide_hi : ndarray (n_x,)
-        Box of xi by the declared ranges: start after an alarm.
-    ages : int
-        Oldest age M; the dwell time is at least M + 1 samples.
-    real : str
-    """
-
-    S: Array
-    S_inverse: Array
-    x_room: Array
-    Phi: Array
-    Gamma: Array
-    shift: Array
-    reach: Array
-    J: Array
-    J_u: Array
-    J_shift: Array
-    J_radius: Array
-    J_u_radius: Array
-    J_reach: Array
-    birth: Array
-    D: Array
-    v_lo: Array
-    v_hi: Array
-    start_lo: Array
-    start_hi: Array
-    wide_lo: Array
-    wide_hi: Array
-    ages: int
-    real: str = "float64"
-
-    @property
-    def sizes(self) -> tuple[int, int, int, int]:
-        """Modes, states, inputs, outputs."""
-        return self.Phi.shape[0], self.Phi.shape[1], self.Gamma.shape[2], len(self.v_lo)
-
-    def to_dict(self) -> dict:
-        """Return plain lists for design.json."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
-
-    @classmethod
-    def from_dict(cls, data: dict) -> ModeTables:
-        """Rebuild from ``to_dict``."""
-        return cls(**{k: np.array(v, dtype=data["real"]) if isinstance(v, list) else v for k, v in data.items()})
-
-
 @dataclass
 class ModeState:
-    """Boxes lo, hi (N, M + 1, n_x), alive (N, M + 1) before the cut of the next sample, and the last decision."""
+    """Boxes lo, hi (..., N, M + 1, n_x), alive (..., N, M + 1) before the cut of the next sample; last decision."""
 
     lo: Array
     hi: Array
     alive: Array
-    mode: int = 0
+    mode: Array | int = 0
 
 
 @dataclass(frozen=True)
 class ModeOutput:
-    """Answer of one sample.
+    """Answer of one sample (arrays over runs, where there are several).
 
     Parameters
     ----------
@@ -131,14 +62,37 @@ class ModeOutput:
     alarm: bool
 
 
-def image(A: Array, lo: Array, hi: Array) -> tuple[Array, Array]:
-    """Box of A x for x in a box."""
-    P, N = pos(A), neg(A)
-    return P @ lo - N @ hi, P @ hi - N @ lo
+def image(A: Array, lo: Array, hi: Array, common: Array) -> tuple[Array, Array]:
+    """Box of common + A x for x in a box, each product and sum rounded, columns in ascending order.
+
+    Parameters
+    ----------
+    A : ndarray (rows, n)
+    lo, hi : ndarray (..., n)
+    common : ndarray (..., rows)
+
+    Returns
+    -------
+    lo, hi : ndarray (..., rows)
+    """
+    below = above = common
+    for k in range(A.shape[1]):
+        up, a, b = A[:, k] >= 0, lo[..., k, None], hi[..., k, None]
+        below = below + A[:, k] * np.where(up, a, b)
+        above = above + A[:, k] * np.where(up, b, a)
+    return below, above
+
+
+def affine(base: Array, A: Array, x: Array) -> Array:
+    """Return base + A x, each product and sum rounded: (..., rows), (rows, n), (..., n) -> (..., rows)."""
+    total = np.broadcast_to(base, (*x.shape[:-1], base.shape[-1]))
+    for k in range(A.shape[1]):
+        total = total + A[:, k] * x[..., k, None]
+    return total
 
 
 class ModeSet:
-    """The recursion in numpy.
+    """The recursion in numpy, on one run or, with further leading axes, on many.
 
     Parameters
     ----------
@@ -150,17 +104,99 @@ class ModeSet:
 
     def start(self) -> ModeState:
         """State at power-up: every mode, long since, anywhere in the initial box."""
-        return self._everywhere(self.tables.start_lo, self.tables.start_hi)
+        return self.everywhere(self.tables.start_lo, self.tables.start_hi)
 
-    def _everywhere(self, lo: Array, hi: Array) -> ModeState:
+    def everywhere(self, lo: Array, hi: Array, runs: tuple[int, ...] = ()) -> ModeState:
+        """Every mode, long since, anywhere in a box."""
         n_modes, n, _, _ = self.tables.sizes
-        shape = (n_modes, self.tables.ages + 1, n)
-        alive = np.zeros(shape[:2], dtype=bool)
-        alive[:, -1] = True
-        return ModeState(np.broadcast_to(lo, shape).copy(), np.broadcast_to(hi, shape).copy(), alive)
+        shape = (*runs, n_modes, self.tables.ages + 1, n)
+        alive = np.zeros(shape[:-1], dtype=bool)
+        alive[..., -1] = True
+        zero = np.zeros(shape, dtype=self.tables.dtype)
+        return ModeState(np.where(alive[..., None], lo[..., None, None, :], zero),
+                         np.where(alive[..., None], hi[..., None, None, :], zero), alive,
+                         np.zeros(runs, dtype=np.int64) if runs else 0)
+
+    def seen(self, u: Array, y: Array) -> Array:
+        """What is measured of C x and its noise, y - D u."""
+        return affine(y, -self.tables.D, u)
+
+    def cut(self, state: ModeState, seen: Array | None) -> ModeState:
+        """Boxes cut to what the margins rest on, and with the measurement, where there is one; dead ones are zero."""
+        t, p = self.tables, len(self.tables.v_lo)
+        lo = np.where(state.lo >= -t.limit, state.lo, -t.limit)
+        hi = np.where(state.hi <= t.limit, state.hi, t.limit)
+        if seen is not None:
+            least, most = (seen - t.v_hi)[..., None, None, :], (seen - t.v_lo)[..., None, None, :]
+            lo[..., :p] = np.where(lo[..., :p] >= least, lo[..., :p], least)
+            hi[..., :p] = np.where(hi[..., :p] <= most, hi[..., :p], most)
+        alive = state.alive & np.all(lo <= hi, axis=-1)
+        zero = np.zeros_like(lo)
+        return ModeState(np.where(alive[..., None], lo, zero), np.where(alive[..., None], hi, zero), alive, state.mode)
+
+    def decided(self, state: ModeState) -> Array:
+        """The mode of the oldest hypothesis alive; of several the last decision, else the first."""
+        ages = np.where(state.alive.any(axis=-1), state.alive.shape[-1] - np.argmax(state.alive[..., ::-1], axis=-1), 0)
+        oldest = (ages == ages.max(axis=-1, keepdims=True)) & (ages > 0)
+        kept = np.take_along_axis(oldest, np.asarray(state.mode)[..., None], axis=-1)[..., 0]
+        return np.where(kept | ~oldest.any(axis=-1), state.mode, np.argmax(oldest, axis=-1))
+
+    def bounds(self, state: ModeState) -> tuple[Array, Array]:
+        """Bounds of x over all hypotheses alive; infinite where none is."""
+        t = self.tables
+        below, above = image(t.S_inverse, state.lo, state.hi, np.zeros(state.lo.shape, t.dtype))
+        here = state.alive[..., None]
+        lo = np.where(here, below - t.x_room, np.inf).min(axis=(-3, -2))
+        hi = np.where(here, above + t.x_room, -np.inf).max(axis=(-3, -2))
+        return lo, hi
+
+    def carry(self, state: ModeState, u: Array) -> ModeState:
+        """Boxes of the next sample, before its cut; births included."""
+        t, n_modes = self.tables, self.tables.sizes[0]
+        lo, hi = np.zeros_like(state.lo), np.zeros_like(state.hi)
+        alive = np.zeros_like(state.alive)
+        alive[..., 1:] = state.alive[..., :-1]
+        alive[..., -1] |= state.alive[..., -1]
+        for q in range(n_modes):
+            old = state.alive[..., q, :]
+            below, above = self.carried(q, (state.lo[..., q, :, :], state.hi[..., q, :, :]), u[..., None, :])
+            below, above = below - t.reach[q], above + t.reach[q]
+            lo[..., q, 1:, :], hi[..., q, 1:, :] = below[..., :-1, :], above[..., :-1, :]
+            both, stays = (old[..., -1] & old[..., -2])[..., None], old[..., -1, None]
+            for box, moved, pick in ((lo, below, np.minimum), (hi, above, np.maximum)):  # the two oldest become one
+                one = pick(moved[..., -1, :], moved[..., -2, :])
+                box[..., q, -1, :] = np.where(both, one, np.where(stays, moved[..., -1, :], moved[..., -2, :]))
+        for i in range(n_modes):
+            here, box = state.alive[..., i, -1], (state.lo[..., i, -1, :], state.hi[..., i, -1, :])
+            for j in range(n_modes if here.any() else 0):
+                if j != i:
+                    below, above = self.born(i, j, box, u)
+                    below, above = below - t.birth[i, j], above + t.birth[i, j]
+                    first, wider = here & ~alive[..., j, 0], here & alive[..., j, 0]
+                    for boxes, new, pick in ((lo, below, np.minimum), (hi, above, np.maximum)):
+                        child = boxes[..., j, 0, :]
+                        boxes[..., j, 0, :] = np.where(first[..., None], new, np.where(
+                            wider[..., None], pick(child, new), child))
+                    alive[..., j, 0] |= here
+        zero = np.zeros_like(lo)
+        return ModeState(np.where(alive[..., None], lo, zero), np.where(alive[..., None], hi, zero), alive, state.mode)
+
+    def carried(self, q: int, box: tuple[Array, Array], u: Array) -> tuple[Array, Array]:
+        """Box after one period in mode q, disturbances left out."""
+        t = self.tables
+        return image(t.Phi[q], *box, affine(t.shift[q], t.Gamma[q], u))
+
+    def born(self, i: int, j: int, box: tuple[Array, Array], u: Array) -> tuple[Array, Array]:
+        """Box after a period within which mode i became j, disturbances left out."""
+        t = self.tables
+        lo, hi = image(t.J[i, j], *box, affine(t.J_shift[i, j], t.J_u[i, j], u))
+        size = np.where(-box[0] > box[1], -box[0], box[1])
+        radius = affine(affine(t.J_reach[i, j], t.J_u_radius[i, j], np.abs(u)), t.J_radius[i, j], size)
+        base, zero = self.carried(j, box, u), np.zeros_like(lo)
+        return base[0] + np.minimum(lo - radius, zero), base[1] + np.maximum(hi + radius, zero)
 
     def step(self, state: ModeState, u: Array, y: Array) -> ModeOutput:
-        """One sample; ``state`` is updated.
+        """One sample of one run; ``state`` is updated.
 
         Parameters
         ----------
@@ -174,77 +210,18 @@ class ModeSet:
         ModeOutput
         """
         t = self.tables
-        real = np.dtype(t.real).type
-        u, y = np.asarray(u, dtype=real), np.asarray(y, dtype=real)
-        self._cut(state, u, y)
-        alarm = not state.alive.any()
+        u, y = np.asarray(u, dtype=t.real), np.asarray(y, dtype=t.real)
+        now = self.cut(state, self.seen(u, y))
+        alarm = not now.alive.any()
         if alarm:
-            mode = state.mode
-            fresh = self._everywhere(t.wide_lo, t.wide_hi)
-            self._cut(fresh, u, y)
-            if not fresh.alive.any():  # y itself is out of range
-                fresh = self._everywhere(t.wide_lo, t.wide_hi)
-            state.lo, state.hi, state.alive = fresh.lo, fresh.hi, fresh.alive
-            state.mode = mode
-        out = self._answer(state, alarm)
-        self._carry(state, u)
+            now = self.everywhere(t.wide_lo, t.wide_hi)
+            now.mode = state.mode
+        mode = int(self.decided(now))
+        sets = [int(pack_modes(now.alive[..., first:])) for first in (0, 1)]
+        out = ModeOutput(mode, *sets, *self.bounds(now), alarm)
+        after = now if alarm else self.carry(now, u)
+        state.lo, state.hi, state.alive, state.mode = after.lo, after.hi, after.alive, mode
         return out
-
-    def _cut(self, state: ModeState, u: Array, y: Array) -> None:
-        t, p = self.tables, len(y)
-        seen = y - t.D @ u
-        state.lo[..., :p] = np.maximum(state.lo[..., :p], seen - t.v_hi)
-        state.hi[..., :p] = np.minimum(state.hi[..., :p], seen - t.v_lo)
-        state.alive &= np.all(state.lo <= state.hi, axis=-1)
-
-    def _answer(self, state: ModeState, alarm: bool) -> ModeOutput:
-        t = self.tables
-        oldest = int(np.max(np.flatnonzero(state.alive.any(axis=0))))
-        candidates = np.flatnonzero(state.alive[:, oldest])
-        if state.mode not in candidates:
-            state.mode = int(candidates[0])
-        lo, hi = state.lo[state.alive], state.hi[state.alive]
-        boxes = [image(t.S_inverse, a, b) for a, b in zip(lo, hi)]
-        bits = [sum(1 << int(q) for q in np.flatnonzero(state.alive[:, first:].any(axis=1))) for first in (0, 1)]
-        return ModeOutput(state.mode, bits[0], bits[1], np.min([b[0] for b in boxes], axis=0) - t.x_room,
-                          np.max([b[1] for b in boxes], axis=0) + t.x_room, alarm)
-
-    def _carry(self, state: ModeState, u: Array) -> None:
-        t = self.tables
-        n_modes, _, _, _ = t.sizes
-        lo, hi = np.full_like(state.lo, np.inf), np.full_like(state.hi, -np.inf)
-        alive = np.zeros_like(state.alive)
-
-        def add(q: int, age: int, box: tuple[Array, Array], reach: Array) -> None:
-            lo[q, age] = np.minimum(lo[q, age], box[0] - reach)
-            hi[q, age] = np.maximum(hi[q, age], box[1] + reach)
-            alive[q, age] = True
-
-        for i, age in zip(*np.nonzero(state.alive)):
-            box = state.lo[i, age], state.hi[i, age]
-            add(i, min(age + 1, t.ages), self.carried(i, box, u), t.reach[i])
-            if age == t.ages:
-                for j in range(n_modes):
-                    if j != i:
-                        add(j, 0, self.born(i, j, box, u), t.birth[i, j])
-        state.lo, state.hi, state.alive = lo, hi, alive
-
-    def carried(self, q: int, box: tuple[Array, Array], u: Array) -> tuple[Array, Array]:
-        """Box after one period in mode q, disturbances left out."""
-        lo, hi = image(self.tables.Phi[q], *box)
-        move = self.tables.Gamma[q] @ u + self.tables.shift[q]
-        return lo + move, hi + move
-
-    def born(self, i: int, j: int, box: tuple[Array, Array], u: Array) -> tuple[Array, Array]:
-        """Box after a period within which mode i became j, disturbances left out."""
-        t = self.tables
-        lo, hi = image(t.J[i, j], *box)
-        size = np.maximum(np.abs(box[0]), np.abs(box[1]))
-        move = t.J_u[i, j] @ u + t.J_shift[i, j]
-        radius = t.J_radius[i, j] @ size + t.J_u_radius[i, j] @ np.abs(u) + t.J_reach[i, j]
-        base = self.carried(j, box, u)
-        zero = np.zeros_like(lo)
-        return base[0] + np.minimum(lo + move - radius, zero), base[1] + np.maximum(hi + move + radius, zero)
 
     def run(self, u: Array, y: Array) -> list[ModeOutput]:
         """All samples of a run from power-up.
@@ -260,3 +237,9 @@ class ModeSet:
         """
         state = self.start()
         return [self.step(state, a, b) for a, b in zip(u, y)]
+
+
+def pack_modes(alive: Array) -> Array:
+    """Bit mask of the modes alive at any of the ages given: (..., N, ages) -> (...)."""
+    weights = np.left_shift(1, np.arange(alive.shape[-2]))
+    return (alive.any(axis=-1) * weights).sum(axis=-1)

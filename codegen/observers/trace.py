@@ -21,6 +21,10 @@ class Rows:
         fields = (getattr(self, name) for name in self.__dataclass_fields__)
         return [value for value in fields if value.dtype.kind == "f"]
 
+    def words(self) -> list[Array]:
+        """The fields that are words of one family alone."""
+        return []
+
     def differs(self, other: Rows) -> list[str]:
         """Names of the fields in which two traces are not ``==`` (NaN equals NaN)."""
         return [name for name in self.__dataclass_fields__

@@ -139,8 +139,11 @@ class SetWork:
 
 
 def set_work(n_x: int, n_y: int, order: int, added: int, noises: int, directions: int = 0,
-             pairs: bool = False, turned: bool = False) -> SetWork:
-    """Count reduction, carrying of the generators, bounds of x and membership.
+             pairs: bool = False, turned: bool = False, girard: bool = False) -> SetWork:
+    """Count reduction, carrying of the generators, bounds of x and membership, as the C does them.
+
+    Sums begin with 0, so a scalar product of n numbers takes n additions; a magnitude takes a comparison. The bounds
+    of x count twice: a set beyond its limit starts again.
 
     Parameters
     ----------
@@ -155,6 +158,8 @@ def set_work(n_x: int, n_y: int, order: int, added: int, noises: int, directions
         Membership by the normals of all pairs, for three outputs.
     turned : bool
         Boxes in other coordinates than those of x.
+    girard : bool
+        Columns compared by Girard's key.
 
     Returns
     -------
@@ -166,12 +171,15 @@ def set_work(n_x: int, n_y: int, order: int, added: int, noises: int, directions
     rows = crossed or {1: 0, 2: terms}.get(n_y, directions)
     each = rows * (n_y * terms + 2 * n_y) + n_y * bool(rows)
     multiply = 6 * crossed + 2 * n_x * columns + n_x * n_x * (kept + 1) + n_y * n_x * columns + n_y + each
-    add = (3 * crossed + n_x * columns + n_x * (columns - kept) + n_x * (n_x - 1) * kept + n_y * (n_x - 1) * columns
-           + n_x * columns + n_y * (terms + 1) + each)
-    compare = kept * columns - kept * (kept + 1) // 2 + n_x * columns + n_y * terms + rows * (terms + n_y + 2)
+    add = (3 * crossed + n_x * columns + n_x * (columns - kept) + n_x * n_x * kept + 2 * n_x * columns
+           + n_y * n_x * columns + n_y * (terms + 1) + each + rows * terms)
+    compare = (kept * columns - kept * (kept + 1) // 2 + n_x * (columns - kept) + 2 * n_x * (columns + 1)
+               + n_y * (terms + 2) + rows * (terms + n_y + 2))
     if turned:  # every column for its key, those that are boxed once more
         multiply += n_x * n_x * (2 * columns - kept)
-        add += n_x * (n_x - 1) * (2 * columns - kept)
+        add += n_x * n_x * (2 * columns - kept)
+    if girard:  # weight times magnitude, the largest taken off the sum
+        multiply, add, compare = multiply - n_x * columns, add + columns, compare + 2 * n_x * columns
     return SetWork(multiply, add, compare, n_x * columns)
 
 

@@ -139,7 +139,8 @@ class Scenario:
     steps : int
         Number of samples K.
     mode : tuple of (int, int)
-        (sample, mode index) pairs, ascending, the first at sample 0; ignored where ``csv`` has a mode column.
+        (sample, mode index) pairs, ascending, the first at sample 0; ignored where ``csv`` has a mode column. Between
+        samples, to an eighth of the period, where the plant is continuous and its mode unknown.
     u : tuple of str
         One expression of k and t per input.
     w, v : str or tuple of str
@@ -154,7 +155,7 @@ class Scenario:
 
     name: str
     steps: int
-    mode: tuple[tuple[int, int], ...]
+    mode: tuple[tuple[float, int], ...]
     u: tuple[str, ...]
     w: str | tuple[str, ...] = "uniform"
     v: str | tuple[str, ...] = "uniform"

@@ -30,6 +30,7 @@ class _Context:
     modes: tuple[str, ...]
     constants: Mapping[str, float]
     sample_period: float
+    instants: bool
 
     def fail(self, key: str, message: str) -> PlantError:
         return PlantError(f"{self.place}.{key}: {message}")
@@ -68,7 +69,8 @@ def scenarios_of(
         if table.name in names[:i]:
             raise PlantError(f"scenarios: the name {shown(table.name)} is used twice. Rename one.")
         place = f"scenarios.{table.name}"
-        context = _Context(place, signals, tuple(modes), file.constants, file.time.sample_period)
+        context = _Context(place, signals, tuple(modes), file.constants, file.time.sample_period,
+                           file.time.kind == "continuous" and not file.switching.known)
         result.append(_scenario(table, context, folder))
     return tuple(result)
 
@@ -193,6 +195,9 @@ def _schedule(
             raise context.fail("mode", f"starts at sample {sample} (expected 0). Add the mode at sample 0.")
         if sample <= previous:
             raise context.fail("mode", f"sample {sample} comes after sample {previous}. Sort the samples.")
+        if sample != int(sample) and not context.instants:
+            raise context.fail("mode", f"sample {sample:g} is not whole (expected that where the mode is known or time "
+                               "is discrete). Round it.")
         if sample >= steps:
             raise context.fail("mode", f"sample {sample} is past the end (steps is {steps}). Remove it.")
         previous = sample

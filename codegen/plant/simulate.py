@@ -204,22 +204,24 @@ def _integrated(
     q, f = mode_signal(plant, scenario, record), faults(plant, scenario, record)
     dense_plant, dense = fine(plant, scenario)
     at = np.minimum(np.arange(dense.steps) // PIECES, steps - 1)
+    between = q[at] if record is not None else mode_signal(plant, replace(dense, mode=tuple(
+        (round(k * PIECES), i) for k, i in scenario.mode)))
     u = inputs(plant, scenario, record)
     held = np.array([s.rate == 0 for s in plant.u], dtype=bool)
     ramps = np.vstack([u, u[-1:]]) if len(plant.u) else np.empty((steps + 1, 0))
     if theta is None:
-        theta = scheduling(dense_plant, dense, rng, q[at], PIECES)
+        theta = scheduling(dense_plant, dense, rng, between, PIECES)
     else:
         grid = np.arange(dense.steps) / PIECES
         theta = np.column_stack([np.interp(grid, np.arange(steps), c) for c in given_theta(plant, theta, steps).T]
                                 or [np.empty((dense.steps, 0))])
     limits = {name: np.array([getattr(plant.modes[i], name) for i in q]) for name in ("v_lo", "v_hi")}
-    limits |= {name: np.array([getattr(plant.modes[i], name) for i in q[at]]) for name in ("w_lo", "w_hi")}
+    limits |= {name: np.array([getattr(plant.modes[i], name) for i in between]) for name in ("w_lo", "w_hi")}
     w = disturbances(dense_plant, dense, "w", limits["w_lo"], limits["w_hi"], rng, PIECES)
     v = disturbances(plant, scenario, "v", limits["v_lo"], limits["v_hi"], rng)
     x, y = np.empty((steps, plant.n_x)), np.empty((steps, plant.n_y))
     state, h = initial_state(plant, scenario, rng), dense_plant.sample_period
-    anew = jumps(plant, q[at], dense.steps)
+    anew = jumps(plant, between, dense.steps)
     for k in range(steps):
         mode = plant.modes[q[k]]
         x[k] = state
@@ -228,7 +230,7 @@ def _integrated(
             now = k * PIECES + i
             ends = [np.where(held, u[k], ramps[k] + (i + e) / PIECES * (ramps[k + 1] - ramps[k])) for e in (0, 1)]
             after = theta[now] if anew[now + 1] else theta[now + 1]
-            state = advance(mode, state, h, (theta[now], after), tuple(ends), w[now], f[k])
+            state = advance(plant.modes[between[now]], state, h, (theta[now], after), tuple(ends), w[now], f[k])
     return PlantTrace(x=x, u=u, y=y, q=told(plant, q, rng), theta=reading(plant, scenario, theta[:-1][cut], rng),
                       w=w[:-1][cut], v=v, f=f)
 

@@ -133,7 +133,7 @@ def schedule(value: Any) -> list[tuple[int, str]] | Cycle:
         )
     for entry in value if isinstance(value, list) else [value]:
         match entry:
-            case [int() as sample, str()] if not isinstance(sample, bool):
+            case [int() | float() as sample, str()] if not isinstance(sample, bool) and math.isfinite(sample):
                 continue
         raise ValueError(f'holds {shown(entry)} (expected [sample, mode name]). Write e.g. [[0, "name"]]')
     return [tuple(entry) for entry in value]

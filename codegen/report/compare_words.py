@@ -41,7 +41,7 @@ def tables(design, compared: Sequence) -> tuple[Table, ...]:
     notes = ["Each was designed, certified, printed and compiled like this firmware, with the same number type and "
              "layout. Relative width: guaranteed, states in units of their ranges, summed. Columns named after a "
              "fault: the smallest step that is surely detected. A mode lasts: samples that the guarantee asks for. "
-             "Multiply-adds: of the dearest step. Instructions: of the dearest ordinary step of its self-test, on "
+             "Multiply-adds: of the dearest call. Instructions: of the dearest ordinary step of its self-test, on "
              f"a simulated Cortex-M4F. Bytes for {words.listed(sorted({c.chip for c in made}))}, -Os.",
              *_reasons(compared)]
     return (table("Other methods on this plant", head, rows, notes),)

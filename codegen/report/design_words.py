@@ -10,7 +10,7 @@ import numpy as np
 from ..analysis.detectability import limited, ultimate_errors
 from ..certify.claims import ultimate_width
 from ..observers import FilterTables, PointTables
-from . import filter_words, parameter_words, words
+from . import filter_words, mode_words, parameter_words, words
 from .plant_words import reach
 from .table import Cell, Fact, Folded, Row, Table, table
 
@@ -66,6 +66,8 @@ def _sentence(claim: str) -> str:
 
 def proved_switching(cert: dict) -> str:
     """Say for which switching the certificate's level holds."""
+    if cert["kind"] == "mode":
+        return mode_words.switching(cert)
     if cert["kind"] == "filter" and cert["dwell_add"]:
         tau, chatter = cert["dwell_add"] / cert["dwell_drain"], cert["dwell_limit"] / cert["dwell_add"]
     elif cert["kind"] != "linf" or limited(cert) is None:
@@ -87,6 +89,8 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
     tried = words.count(len(design.choice), "certified design")
     if "gains" in design.options:
         why = "the gains were given in the plant file; they were certified, not chosen"
+    elif design.certificate[real]["kind"] == "mode":
+        why = "there is nothing to choose but how many ages are told apart: the fewest that can be certified"
     elif not design.plant.f and not criterion:
         why = f"of {tried}, the narrowest was kept: there is no fault channel"
     else:
@@ -152,7 +156,7 @@ def _bounds(design, real: str) -> tuple[Table, ...]:
         return filter_words.tables(design, real)
     width = settled_width(design, real)
     if width is None:
-        return ()
+        return mode_words.delays(design, real)
     rows = []
     for signal, w in zip(design.plant.x, width):
         part = w / reach(signal)
@@ -168,7 +172,8 @@ def _bounds(design, real: str) -> tuple[Table, ...]:
 def _assumed(design, real: str) -> tuple[str, ...]:
     plant, tables = design.plant, design.observer.tables[real]
     told = "that of the sample or of the one before" if plant.switching.late else "the true one"
-    items = [f"The plant is the one of the plant file, with no fault acting; the mode given to the firmware is {told}.",
+    given = f"the mode given to the firmware is {told}" if plant.switching.known else "nobody tells its mode"
+    items = [f"The plant is the one of the plant file, with no fault acting; {given}.",
              f"There is one call of step or predict every {words.seconds(plant.sample_period)}.",
              "At init the state is in its initial box; at all times it is in its declared range. The range "
              + ("cuts the bounds at every call." if tables.clamp else

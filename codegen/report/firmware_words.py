@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
-from ..observers import FilterTables, PointTables
-from . import filter_words, point_words, words
+from ..observers import FilterTables, ModeTables, PointTables
+from . import filter_words, mode_words, point_words, words
 from .table import Fact, Folded, Link, Table, table
 
 FILES = {
@@ -49,7 +49,7 @@ def cost(record: dict) -> tuple[tuple[Fact, ...], tuple[Table, ...]]:
     operations = record.get("operations_per_step")
     if isinstance(operations, dict):
         listed = words.listed(f"{n} {name}" for name, n in operations.items())
-        facts.append(Fact("Operations of the dearest step", f"{listed} (floating point)"))
+        facts.append(Fact("Operations of a call, at most", f"{listed} (floating point)"))
     rows = [_measured(target, m) for target, m in _targets(record).items()]
     head = ("target", "compiler", "flags", "#flash (bytes)", "#static RAM (bytes)", "#stack of a step (bytes)")
     return tuple(facts), (table("Measured with the compilers that were installed", head, rows),) if rows else ()
@@ -93,6 +93,8 @@ def gains(design, real: str) -> tuple[Folded, ...]:
     tuple of Folded
     """
     t, plant = design.observer.tables[real], design.plant
+    if isinstance(t, ModeTables):
+        return mode_words.gains(design, real, _matrix)
     if isinstance(t, FilterTables):
         return filter_words.gains(design, real, _matrix)
     if isinstance(t, PointTables):

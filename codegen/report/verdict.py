@@ -87,6 +87,8 @@ def _complaints(design, real: str, o: Outcome) -> list[str]:
         out.append(f"in {name} the compiled C differs from the reference in {words.listed(o.differences)}")
     if o.lost:
         out.append(f"in {name} a state was outside its bounds at {words.count(o.lost, 'sample')}")
+    if o.late:
+        out.append(f"in {name} a mode was decided for too long at {words.count(o.late, 'sample')}")
     if o.false_alarms:
         out.append(f"in {name} there were {words.count(o.false_alarms, 'false alarm')}")
     late = [e for e in o.episodes if not outcome_words.kept(design, real, o, e)]

@@ -11,6 +11,7 @@ from . import (
     fault_filter,
     interval,
     lpv_interval,
+    mode_set,
     tnl_interval,
     tnl_interval_lpv,
     zonotope,
@@ -45,8 +46,18 @@ class Method:
 
     @property
     def framers(self) -> bool:
-        """Whether the observer is a pair of framers; else an estimate with an error set."""
+        """Whether the observer is a pair of framers."""
         return self.family in ("interval", "tnl")
+
+    @property
+    def sets(self) -> bool:
+        """Whether it is an estimate with an error set, which the options ``SETS`` choose."""
+        return not (self.framers or self.estimates_mode or self.family == "filter")
+
+    @property
+    def estimates_mode(self) -> bool:
+        """Whether it finds the mode that other observers are told."""
+        return self.family == "mode"
 
     @property
     def tnl(self) -> bool:
@@ -80,6 +91,8 @@ METHODS = {
                         "Zammali (2020), Theorem 21", ellipsoid, automatic=False),
     "hinf-filter": Method(("discrete switched", "discrete LPV"), "filter", "filter that estimates faults, H-infinity",
                           "Farhat, Koenig (2016)", fault_filter, automatic=False),
+    "mode-set": Method(("continuous switched, mode unknown",), "mode", "the modes that are still possible",
+                       "own; task of Zammali (2020), chapter 4", mode_set, automatic=False),
 }
 #: Options of every method with an error set.
 SETS = {"set": ("zonotope", "ellipsoid", "interval"), "order": (2, 200),
@@ -93,7 +106,7 @@ def known_options(methods: list[str]) -> dict:
     known: dict = {}
     for name in methods:
         entry = METHODS[name]
-        own = OPTIONS if entry.framers else ({} if entry.family == "filter" else SETS) | entry.module.OPTIONS
+        own = OPTIONS if entry.framers else (SETS if entry.sets else {}) | entry.module.OPTIONS
         for key, allowed in own.items():
             words = isinstance(allowed, tuple) and isinstance(allowed[0], str)
             known[key] = tuple(dict.fromkeys((*known.get(key, ()), *allowed))) if words else allowed

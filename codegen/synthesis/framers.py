@@ -51,10 +51,15 @@ def check_options(where: str, options: dict, known: dict | None = None) -> None:
             raise DesignError(f"{where}: observer.{key} is {value!r}, expected {words}.")
 
 
+UNTOLD = 'the mode is not known at run time, expected switching.known = true. Method "mode-set" finds it.'
+
+
 def inapplicable(plant, tnl: bool) -> str | None:
     """Why a plant cannot have an interval observer of this form, with what to change; None if it can."""
     if plant.polytope is not None:
         return POLYTOPIC
+    if not plant.switching.known:
+        return UNTOLD
     if plant.switching.late:
         return 'the mode is told late, expected at its own sample. Use method "tnl-interval-lpv" or "lpv-interval".'
     if plant.kind != "discrete":
@@ -115,7 +120,7 @@ def common_reason(plant, tnl: bool, classical: str) -> str | None:
 def basic_reason(plant) -> str | None:
     """What stands in the way of any observer with checks of its inputs; None if nothing does."""
     if not plant.switching.known:
-        return "the mode is not known at run time, expected switching.known = true."
+        return UNTOLD
     if plant.n_y == 0:
         return "the plant has no output, expected at least one measured signal in signals.y."
     for vector in ("x", "u", "y"):

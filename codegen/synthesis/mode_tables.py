@@ -16,6 +16,7 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 from scipy.optimize import linprog
 
+from ..algebra.interval import hull
 from ..errors import DesignError
 
 Array = np.ndarray
@@ -258,7 +259,7 @@ def check(plant) -> None:
             if not np.array_equal(getattr(m, name), getattr(first, name)):
                 raise DesignError(f'{plant.name}: mode-set needs {name} common to all modes (mode "{m.name}" has '
                                   "its own). Widen the noise to cover both.")
-    for vector in "xu":
+    for vector in "xuy":
         for s in getattr(plant, vector):
             if not np.isfinite(s.lo) or not np.isfinite(s.hi):
                 raise DesignError(f'{plant.name}: mode-set needs a range of "{s.name}" in signals.{vector}. Add it.')
@@ -266,23 +267,21 @@ def check(plant) -> None:
         raise DesignError(f"{plant.name}: mode-set needs inputs held between samples (found a rate).")
 
 
-def hull(S: Array, lo: Array, hi: Array) -> tuple[Array, Array]:
-    """Box of S x over a box of x, rounded outward."""
-    middle, radius = S @ ((lo + hi) / 2), np.abs(S) @ ((hi - lo) / 2)
-    room = 1e-12 * (np.abs(S) @ np.maximum(np.abs(lo), np.abs(hi)))
-    return middle - radius - room, middle + radius + room
-
-
 def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array):
     """Round to the type; every rounding, of constants and of the step itself, goes into the reaches."""
     n, n_u, N = plant.n_x, plant.n_u, plant.n_modes
     eps = float(np.finfo(real).eps)
     first = plant.modes[0]
-    lo, hi = hull(S, *plant.limits("x"))
-    x = 1.5 * np.maximum(np.abs(lo), np.abs(hi)) + 1.5 * (hi - lo)  # boxes may be wider than the ranges
-    u = np.max(np.abs(plant.limits("u")), axis=0) if n_u else np.zeros(0)
+    (lo, hi), start = hull(S, *plant.limits("x")), hull(S, plant.x0_lo, plant.x0_hi)
+    reach = np.max(np.abs([lo, hi, *start]), axis=0)
+    limit = directed(1.5 * reach + 1.5 * (hi - lo), real, 1)  # boxes may be wider than the ranges
+    ranges = {f"{name}_{side}": directed(value, real, sign, exact_stays=True)
+              for name, pair in (*((v, plant.limits(v)) for v in "xuy"), ("x0", (plant.x0_lo, plant.x0_hi)))
+              for side, value, sign in zip(("lo", "hi"), pair, (-1, 1))}
+    x, u = limit.astype(float), np.max(np.abs([ranges["u_lo"], ranges["u_hi"]]), axis=0).astype(float)
     size = np.concatenate([x, u, [1.0]])
     terms = 2 * (n + n_u) + 12
+    tiny = 4 * terms * float(np.finfo(real).smallest_subnormal)  # products may be too small for their last digits
     out = {"Phi": np.zeros((N, n, n)), "Gamma": np.zeros((N, n, n_u)), "shift": np.zeros((N, n)),
            "reach": np.zeros((N, n)), "birth": np.zeros((N, N, n)), "J": np.zeros((N, N, n, n)),
            "J_u": np.zeros((N, N, n, n_u)), "J_shift": np.zeros((N, N, n)), "J_radius": np.zeros((N, N, n, n)),
@@ -296,10 +295,10 @@ def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array
         value, error = kept(parts(period.transition(q)))
         out["Phi"][q], out["Gamma"][q], out["shift"][q] = value[:, :n], value[:, n:n + n_u], value[:, -1]
         lost = error @ size
-        out["reach"][q] = (top(period.reached(q, period.w[q]))[:, 0] + lost) * (1 + 8 * eps)
+        out["reach"][q] = (top(period.reached(q, period.w[q]))[:, 0] + lost) * (1 + 8 * eps) + tiny
         for i in range(N):
             if i != q:
-                out["birth"][i, q] = (top(period.reached(q, period.largest(i, q)))[:, 0] + lost) * (1 + 8 * eps)
+                out["birth"][i, q] = (top(period.reached(q, period.largest(i, q)))[:, 0] + lost) * (1 + 8 * eps) + tiny
     for i in range(N):
         for j in range(N):
             if i == j:
@@ -309,12 +308,11 @@ def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array
             out["J"][i, j], out["J_u"][i, j], out["J_shift"][i, j] = value[:, :n], value[:, n:n + n_u], value[:, -1]
             room = 1 + terms * eps
             out["J_radius"][i, j], out["J_u_radius"][i, j] = error[:, :n] * room, error[:, n:n + n_u] * room
-            out["J_reach"][i, j] = (later + error[:, -1]) * room
+            out["J_reach"][i, j] = (later + error[:, -1]) * room + tiny
     noise = hull(first.Dv, first.v_lo, first.v_hi)
     y = np.abs(S[:plant.n_y]) @ np.max(np.abs(plant.limits("x")), axis=0) + np.max(np.abs(noise), axis=0)
-    slack = 4 * eps * (2 * y + np.abs(first.D) @ u)
+    slack = (n_u + 6) * eps * (y + 3 * np.abs(first.D) @ u) + np.abs(first.D - first.D.astype(real)) @ u + tiny
     outward = {"v_lo": noise[0] - slack, "v_hi": noise[1] + slack}
-    start = hull(S, plant.x0_lo, plant.x0_hi)
     outward |= {"start_lo": start[0], "start_hi": start[1], "wide_lo": lo, "wide_hi": hi}
     for name, value in outward.items():
         outward[name] = directed(value, real, -1 if name.endswith("lo") else 1)
@@ -322,13 +320,16 @@ def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array
         out[name] = directed(out[name], real, 1)
     inverse = np.linalg.inv(S).astype(real).astype(float)
     lost = top(magnitude(exact(inverse) * period.S - exact(np.eye(n)))) @ np.max(np.abs(plant.limits("x")), axis=0)
-    room = directed(lost + terms * eps * (np.abs(inverse) @ x), real, 1)
-    fixed = {"S": S.astype(real), "S_inverse": inverse.astype(real), "x_room": room, "D": first.D.astype(real)}
-    return tables_class(**fixed, ages=ages, real=real, **{k: v.astype(real) for k, v in (out | outward).items()})
+    room = directed(lost + tiny + terms * eps * (np.abs(inverse) @ x), real, 1)
+    fixed = {"S": S, "S_inverse": inverse.astype(real), "x_room": room, "D": first.D.astype(real), "limit": limit}
+    return tables_class(**fixed, **ranges, ages=ages, real=real,
+                        **{k: v.astype(real) for k, v in (out | outward).items()})
 
 
-def directed(value: Array, real: str, sign: int) -> Array:
-    """Round to the type, away in the given direction; zeros stay."""
+def directed(value: Array, real: str, sign: int, exact_stays: bool = False) -> Array:
+    """Round to the type, away in the given direction; zeros stay, and so do numbers of the type where told."""
     rounded = np.asarray(value).astype(real)
     beyond = np.nextafter(rounded, np.array(sign * np.inf, dtype=real))
-    return np.where(rounded == 0, rounded, beyond)
+    stays = (rounded == value) if exact_stays else (rounded == 0)
+    good = (sign * rounded.astype(float) >= sign * np.asarray(value)) & exact_stays
+    return np.where(stays | good, rounded, beyond)

@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 
 from ..algebra.dwell import ratio, shortest
 from ..errors import DesignError
-from .framers import POLYTOPIC, through_reason
+from .framers import POLYTOPIC, UNTOLD, through_reason
 from .problem import Problem
 
 Array = np.ndarray
@@ -182,6 +182,8 @@ def common_reason(plant) -> str | None:
     """Why a plant cannot have a point observer with a set of residuals, with what to change; None if it can."""
     if plant.polytope is not None:
         return POLYTOPIC
+    if not plant.switching.known:
+        return UNTOLD
     if (reason := through_reason(plant)) is not None:
         return reason
     if plant.kind != "discrete":

@@ -39,6 +39,8 @@ class Board:
         Instructions (cycles) of a function that only returns 0.
     unit : str
         What is counted.
+    memory : int
+        Bytes of RAM where constants lie there too and fill it; 0 where they stay in flash.
     """
 
     words: str
@@ -51,6 +53,7 @@ class Board:
     tick: Fraction
     empty: int = 2
     unit: str = "instructions"
+    memory: int = 0
 
 
 def cortex_m(words: str, machine: str, flags: str, mhz: int, optimise: str = "-O2") -> Board:
@@ -108,5 +111,5 @@ BOARDS = {
     "rv32": risc_v("RISC-V rv32imac, no FPU (virt)", "rv32imac", "ilp32"),
     "rv32d": risc_v("RISC-V rv32imafdc, double FPU (virt)", "rv32imafdc", "ilp32d"),
     "avr": Board("ATmega2560, no FPU (simavr)", "gcc-avr avr-libc simavr", "avr-", ("-mmcu=atmega2560", "-Os"), (),
-                 "avr.c", ("simavr", "-m", "atmega2560", "-f", "16000000"), Fraction(1), 7, "cycles"),
+                 "avr.c", ("simavr", "-m", "atmega2560", "-f", "16000000"), Fraction(1), 7, "cycles", 8192),
 }

@@ -38,7 +38,8 @@ def run(command: list[str], cwd: Path | None = None) -> str:
     except subprocess.TimeoutExpired:
         raise ToolError(f"{command[0]}: no answer within 300 s. Stopped.") from None
     if done.returncode:
-        said = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines() or ["?"]
+        lines = done.stderr.splitlines()
+        said = [line for why in ("not within region", "error") for line in lines if why in line] or lines or ["?"]
         raise ToolError(f"{command[0]}: failed with status {done.returncode}: {said[0]}.")
     return done.stdout
 

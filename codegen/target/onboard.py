@@ -9,12 +9,15 @@ import shutil
 import subprocess
 import tempfile
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from ..errors import ToolError, ValidationError
 from .boards import BOARDS, COMMON, Board
 from .metrics import run
 
+#: Bytes that a program needs in RAM beside its data: what main.c paints of the stack, and the frames above.
+STACK = 1024 + 256
 KINDS = ("step", "ordinary", "predict", "refused")
 WRAPPED = ("step", "predict", "reset")
 
@@ -99,8 +102,8 @@ def run_on(folder: str | Path, board: str, start: Path, extra: tuple[str, ...] =
     Raises
     ------
     ToolError
-        The folder is not one of residua's, a tool is missing, the compiler refuses the C, or the program
-        does not come to its end.
+        The folder is not one of residua's, a tool is missing, the compiler refuses the C, the board's memory is
+        too small for it, or the program does not come to its end.
     """
     folder, b = Path(folder).resolve(), BOARDS[board]
     if not present(b):
@@ -116,15 +119,38 @@ def run_on(folder: str | Path, board: str, start: Path, extra: tuple[str, ...] =
         link = [part.format(start=start) for part in b.link]
         run([gcc, *flags, *_harness(folder, record, start), str(start / b.source), "observer.o", *link,
              "-o", "board.elf"], cwd=here)
+        _fits(b, board, here)
         said = _figures(_simulate([*b.simulator, "board.elf"], here), board)
-        run(["gcc", *COMMON, "-O2", "-DON_HOST", *_harness(folder, record, start), str(folder / f"{prefix}.c"),
-             "-o", "host"], cwd=here)
-        host = _figures(run([str(here / "host")]), "host")
+    digest = _on_host(folder, start, tuple(p.read_bytes() for p in _sources(folder, prefix, start)))
     stack, painted = said["stack_bytes"]
-    return TargetRun(board, b.words, said["self_test"][0], said["digest"] == host["digest"], b.unit,
+    return TargetRun(board, b.words, said["self_test"][0], said["digest"] == digest, b.unit,
                      {kind: _count(b, said[kind], said["empty"][1]) for kind in KINDS}, int(text) + int(data),
                      stack if stack < painted else None, said["state_bytes"][0],
                      run([gcc, "--version"]).splitlines()[0], " ".join(flags), _simulator(b))
+
+
+def _sources(folder: Path, prefix: str, start: Path) -> tuple[Path, ...]:
+    """Return what the answers of the host depend on."""
+    return folder / f"{prefix}.c", folder / f"{prefix}.h", folder / f"test_{prefix}.c", start / "main.c"
+
+
+@lru_cache(maxsize=4)
+def _on_host(folder: Path, start: Path, sources: tuple[bytes, ...]) -> list[int]:
+    """Return the host's digest of all answers; asked again for the next board with the same ``sources``: known."""
+    record = _record(folder)
+    with tempfile.TemporaryDirectory(prefix="residua-") as scratch:
+        program = Path(scratch) / "host"
+        run(["gcc", *COMMON, "-O2", "-DON_HOST", *_harness(folder, record, start),
+             str(folder / f"{record['prefix']}.c"), "-o", str(program)], cwd=Path(scratch))
+        return _figures(run([str(program)]), "host")["digest"]
+
+
+def _fits(b: Board, board: str, here: Path) -> None:
+    """Require that data and stack do not meet where constants lie in RAM: the program would overwrite them."""
+    data, bss = map(int, run([f"{b.tools}size", "board.elf"], cwd=here).splitlines()[1].split()[1:3])
+    if b.memory and data + bss + STACK > b.memory:
+        raise ToolError(f"{board}: constants, golden vectors and stack take {data + bss + STACK} bytes of RAM (found), "
+                        f"expected at most {b.memory}. Take a board that leaves constants in flash.")
 
 
 def _record(folder: Path) -> dict:
@@ -152,7 +178,7 @@ def _simulate(command: list[str], here: Path) -> str:
     """Run the simulator; return what the board printed, which simavr shows on its standard error."""
     try:
         done = subprocess.run(command, cwd=here, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                              stderr=subprocess.STDOUT, text=True, timeout=60, check=False)
+                              stderr=subprocess.STDOUT, text=True, errors="replace", timeout=60, check=False)
     except subprocess.TimeoutExpired:
         raise ToolError(f"{command[0]}: the board did not finish within 60 s. Stopped.") from None
     return done.stdout

@@ -77,7 +77,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 44 bytes per instance; no heap, no static variables
- * step: at most 13 multiplications, 25 additions and 18 comparisons of real numbers
+ * step, predict: at most 13 multiplications, 25 additions and 20 comparisons of real numbers
  */
 #ifndef BUCK_H
 #define BUCK_H

@@ -67,7 +67,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 40 bytes per instance; no heap, no static variables
- * step: at most 7 multiplications, 13 additions and 14 comparisons of real numbers
+ * step, predict: at most 7 multiplications, 13 additions and 14 comparisons of real numbers
  */
 #ifndef CART_H
 #define CART_H

@@ -74,7 +74,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 36 bytes per instance; no heap, no static variables
- * step: at most 13 multiplications, 21 additions and 14 comparisons of real numbers
+ * step, predict: at most 13 multiplications, 21 additions and 16 comparisons of real numbers
  */
 #ifndef CHEVET_H
 #define CHEVET_H

@@ -72,7 +72,7 @@
  * RESOURCES (float32, layout "literal"; flash and stack by compiler: resources.json)
  *
  * state: 44 bytes per instance; no heap, no static variables
- * step: at most 8 multiplications, 14 additions and 14 comparisons of real numbers
+ * step, predict: at most 8 multiplications, 14 additions and 14 comparisons of real numbers
  */
 #ifndef EMPS_H
 #define EMPS_H

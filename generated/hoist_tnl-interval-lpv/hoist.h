@@ -77,7 +77,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 44 bytes per instance; no heap, no static variables
- * step: at most 16 multiplications, 28 additions and 18 comparisons of real numbers
+ * step, predict: at most 32 multiplications, 48 additions and 34 comparisons of real numbers
  */
 #ifndef HOIST_H
 #define HOIST_H

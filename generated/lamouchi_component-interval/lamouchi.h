@@ -73,7 +73,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 24 bytes per instance; no heap, no static variables
- * step: at most 10 multiplications, 20 additions and 16 comparisons of real numbers
+ * step, predict: at most 12 multiplications, 20 additions and 18 comparisons of real numbers
  */
 #ifndef LAMOUCHI_H
 #define LAMOUCHI_H

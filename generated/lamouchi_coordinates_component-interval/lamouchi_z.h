@@ -75,7 +75,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 40 bytes per instance; no heap, no static variables
- * step: at most 11 multiplications, 25 additions and 24 comparisons of real numbers
+ * step, predict: at most 14 multiplications, 25 additions and 26 comparisons of real numbers
  */
 #ifndef LAMOUCHI_Z_H
 #define LAMOUCHI_Z_H

@@ -77,7 +77,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 48 bytes per instance; no heap, no static variables
- * step: at most 30 multiplications, 42 additions and 18 comparisons of real numbers
+ * step, predict: at most 31 multiplications, 43 additions and 22 comparisons of real numbers
  */
 #ifndef MOTOR_H
 #define MOTOR_H

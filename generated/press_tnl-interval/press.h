@@ -71,7 +71,7 @@
  * RESOURCES (float32, layout "loop"; flash and stack by compiler: resources.json)
  *
  * state: 88 bytes per instance; no heap, no static variables
- * step: at most 92 multiplications, 112 additions and 34 comparisons of real numbers
+ * step, predict: at most 92 multiplications, 112 additions and 90 comparisons of real numbers
  */
 #ifndef PRESS_H
 #define PRESS_H

@@ -73,7 +73,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 56 bytes per instance; no heap, no static variables
- * step: at most 22 multiplications, 29 additions and 18 comparisons of real numbers
+ * step, predict: at most 22 multiplications, 29 additions and 18 comparisons of real numbers
  */
 #ifndef RELAY_H
 #define RELAY_H

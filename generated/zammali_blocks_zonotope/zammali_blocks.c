@@ -285,7 +285,7 @@ static void zammali_blocks_whole_range(zammali_blocks_state *s)
 
 /*
  * Keep the largest generators in front and box the others with the rounding. The largest are found by repeated
- * maximum, the first of equals: 17 comparisons, whatever the numbers.
+ * maximum, the first of equals: 17 comparisons and ZAMMALI_BLOCKS_KEPT exchanges, whatever the numbers.
  */
 static void zammali_blocks_reduce(zammali_blocks_real shape[ZAMMALI_BLOCKS_NX * ZAMMALI_BLOCKS_COLUMNS], zammali_blocks_real box[ZAMMALI_BLOCKS_NX])
 {

@@ -71,7 +71,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 56 bytes per instance; no heap, no static variables
- * step: at most 41 multiplications, 50 additions and 22 comparisons of real numbers
+ * step, predict: at most 41 multiplications, 53 additions and 28 comparisons of real numbers
  */
 #ifndef ZAMMALI_BOX_H
 #define ZAMMALI_BOX_H

@@ -74,7 +74,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 48 bytes per instance; no heap, no static variables
- * step: at most 31 multiplications, 38 additions and 34 comparisons of real numbers
+ * step, predict: at most 31 multiplications, 38 additions and 34 comparisons of real numbers
  */
 #ifndef ZAMMALI_DWELL_H
 #define ZAMMALI_DWELL_H

@@ -70,7 +70,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 80 bytes per instance; no heap, no static variables
- * step: at most 209 multiplications, 190 additions and 103 comparisons of real numbers
+ * step, predict: at most 256 multiplications, 266 additions and 149 comparisons of real numbers
  */
 #ifndef ZAMMALI_ELLIPSOID_H
 #define ZAMMALI_ELLIPSOID_H

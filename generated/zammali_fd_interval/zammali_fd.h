@@ -68,7 +68,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 32 bytes per instance; no heap, no static variables
- * step: at most 27 multiplications, 34 additions and 10 comparisons of real numbers
+ * step, predict: at most 27 multiplications, 34 additions and 14 comparisons of real numbers
  */
 #ifndef ZAMMALI_FD_H
 #define ZAMMALI_FD_H

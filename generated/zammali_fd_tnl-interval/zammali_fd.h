@@ -68,7 +68,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 52 bytes per instance; no heap, no static variables
- * step: at most 31 multiplications, 38 additions and 22 comparisons of real numbers
+ * step, predict: at most 31 multiplications, 38 additions and 22 comparisons of real numbers
  */
 #ifndef ZAMMALI_FD_H
 #define ZAMMALI_FD_H

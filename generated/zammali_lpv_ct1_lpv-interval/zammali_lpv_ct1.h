@@ -79,7 +79,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 24 bytes per instance; no heap, no static variables
- * step: at most 44 multiplications, 54 additions and 16 comparisons of real numbers
+ * step, predict: at most 44 multiplications, 54 additions and 24 comparisons of real numbers
  */
 #ifndef ZAMMALI_LPV_CT1_H
 #define ZAMMALI_LPV_CT1_H

@@ -74,7 +74,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 24 bytes per instance; no heap, no static variables
- * step: at most 36 multiplications, 45 additions and 16 comparisons of real numbers
+ * step, predict: at most 36 multiplications, 45 additions and 22 comparisons of real numbers
  */
 #ifndef ZAMMALI_LPV_DT_H
 #define ZAMMALI_LPV_DT_H

@@ -76,7 +76,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 48 bytes per instance; no heap, no static variables
- * step: at most 83 multiplications, 93 additions and 16 comparisons of real numbers
+ * step, predict: at most 92 multiplications, 99 additions and 26 comparisons of real numbers
  */
 #ifndef ZAMMALI_LPV_QUADRATIC_H
 #define ZAMMALI_LPV_QUADRATIC_H

@@ -70,7 +70,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 48 bytes per instance; no heap, no static variables
- * step: at most 38 multiplications, 44 additions and 34 comparisons of real numbers
+ * step, predict: at most 38 multiplications, 44 additions and 34 comparisons of real numbers
  */
 #ifndef ZAMMALI_SCHEDULE_H
 #define ZAMMALI_SCHEDULE_H

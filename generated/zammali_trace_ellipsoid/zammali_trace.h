@@ -72,7 +72,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 80 bytes per instance; no heap, no static variables
- * step: at most 218 multiplications, 23 divisions, 182 additions and 65 comparisons of real numbers
+ * step, predict: at most 250 multiplications, 32 divisions, 237 additions and 89 comparisons of real numbers
  */
 #ifndef ZAMMALI_TRACE_H
 #define ZAMMALI_TRACE_H

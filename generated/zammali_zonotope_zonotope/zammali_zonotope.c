@@ -274,7 +274,7 @@ static void zammali_zonotope_whole_range(zammali_zonotope_state *s)
 
 /*
  * Keep the largest generators in front and box the others with the rounding. The largest are found by repeated
- * maximum, the first of equals: 84 comparisons, whatever the numbers.
+ * maximum, the first of equals: 84 comparisons and ZAMMALI_ZONOTOPE_KEPT exchanges, whatever the numbers.
  */
 static void zammali_zonotope_reduce(zammali_zonotope_real shape[ZAMMALI_ZONOTOPE_NSHAPE], zammali_zonotope_real box[ZAMMALI_ZONOTOPE_NX])
 {

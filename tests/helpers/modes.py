@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from scipy.linalg import expm
 
-from codegen.observers.mode_set import ModeTables
-from codegen.plant.load import loads
+from codegen.observers import ModeTables
+from codegen.plant.load import gallery_folder, loads
 from codegen.synthesis.mode_tables import tables_of
 
-FILE = Path(__file__).parents[1] / "data" / "zammali_modes.toml"
+FILE = gallery_folder() / "zammali_modes.toml"
 DWELL = 0.15  # s, as in the file
 
 

@@ -14,7 +14,8 @@ from codegen.analysis.mode_distinguishability import distinguishability
 from codegen.certify.mode_claims import certify_delays
 from codegen.certify.mode_delay import Course, Program, Story, survival
 from codegen.errors import CertificateError, DesignError
-from codegen.observers.mode_set import ModeSet, ModeState, ModeTables
+from codegen.observers import ModeTables
+from codegen.observers.mode_set import ModeSet, ModeState
 from codegen.plant.load import load
 from codegen.synthesis.mode_tables import coordinates, tables_of
 from tests.helpers.modes import DWELL, course, example, tables
@@ -58,10 +59,10 @@ class NoBirths(ModeSet):
 class Forgetful(ModeSet):
     """Children are born by the decided mode only after its first sample as established."""
 
-    def _carry(self, state, u):
-        kept = state.alive.copy()
-        super()._carry(state, u)
-        state.alive[:, 0] &= kept[:, -2].any()
+    def carry(self, state, u):
+        out = super().carry(state, u)
+        out.alive[:, 0] &= state.alive[:, -2].any()
+        return out
 
 
 def changed(**factors):
@@ -225,7 +226,7 @@ def test_more_noise_or_less_disturbance_move_the_delay_the_right_way():
 def test_certificate_says_why_not():
     quiet, noisy = (0.001, 0.0), (0.005, 0.02)
     ranges = [example(*quiet).limits(v) for v in "xu"]
-    with pytest.raises(CertificateError, match="Use at least 2 ages"):
+    with pytest.raises(CertificateError, match="Use at least 3 ages"):
         certify_delays(tables(*quiet, 1), *ranges, 150)
     with pytest.raises(CertificateError, match="dwell time is 1"):
         certify_delays(tables(*quiet, 4), *ranges, 1)

@@ -46,7 +46,8 @@ def test_work_is_the_dossier_s_count(order, compares, sizes=(3, 2), added=6, noi
     """19 and 84 compares of the selection; a membership test of 2 S^2 multiplications for two residuals."""
     work = set_work(*sizes, order, added, noises)
     columns, terms = order + added, order + added + noises
-    plain = work.compare - 3 * columns - 2 * terms - terms * (terms + 4)
+    magnitudes = 3 * (columns - (order - 3)) + 2 * 3 * (columns + 1) + 2 * (terms + 2) + terms * (terms + 4)
+    plain = work.compare - magnitudes  # less the magnitudes of boxes, bounds and supports
     assert plain == compares
     alone = work.multiply - (2 * 3 * columns + 9 * (order - 2) + 6 * columns + 2)
     assert alone == terms * (2 * terms + 4) + 2 and work.words == 3 * columns

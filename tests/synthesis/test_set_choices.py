@@ -21,7 +21,7 @@ CHEAP = {"zonotope": {"criterion": "hinf", "lyapunov": "common"},
 #: Every word of the options ``set`` and ``weights``.
 WHICH = {**{word: {"set": word} for word in SETS["set"]},
          **{word: {"set": "ellipsoid", "weights": word} for word in SETS["weights"]}}
-METHOD = [name for name, m in METHODS.items() if not m.framers]
+METHOD = [name for name, m in METHODS.items() if m.sets]
 #: The printed gains of 6.2.4 are unstable under alternate switching, which the plant does not exclude: no set.
 GROWS = {("zammali_zonotope", "printed", which) for which in WHICH}
 

@@ -1,0 +1,56 @@
+"""What a mode estimator promised of a run: the true mode in its set, and the decision in time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+Array = np.ndarray
+
+
+def dropped(truth, trace) -> Array:
+    """Samples at which the true mode is not among those called possible; none of other observers, or of records.
+
+    Parameters
+    ----------
+    truth : PlantTrace
+    trace : Trace or ModeTrace
+
+    Returns
+    -------
+    ndarray (K,) bool
+    """
+    if not hasattr(trace, "mode_set") or np.isnan(truth.x).all():  # of a record nobody knows
+        return np.zeros(len(truth.q), dtype=bool)
+    return (trace.mode_set.astype(np.int64) >> truth.q) & 1 == 0
+
+
+def late(cert: dict, truth, trace, settled: Array) -> int:
+    """Samples at which the decision is wrong though the certificate says that it is right by then.
+
+    Parameters
+    ----------
+    cert : dict
+        Of the number type that ran.
+    truth : PlantTrace
+    trace : ModeTrace
+    settled : ndarray (K,) bool
+        Where the promise is in force: no fault so far.
+
+    Returns
+    -------
+    int
+    """
+    q, found = truth.q, 0
+    whole = settled & (trace.status == 0) & ~np.isnan(trace.r_lo).any(axis=1)
+    edges = [0, *(np.flatnonzero(np.diff(q)) + 1), len(q)]
+    for n, (begin, end) in enumerate(zip(edges, edges[1:])):
+        if n == 0:
+            due = cert["start"]
+            calm = end - begin > cert["dwell"] or end == len(q)
+        else:  # the switch fell after sample begin - 1; one sample more than the dwell time, as it may fall anywhere
+            due = begin - 1 + cert["identified"][q[begin - 1]][q[begin]]
+            calm = begin - edges[n - 1] > cert["dwell"]
+        if not calm or not whole[:end].all():
+            return found
+        found += int(np.sum(trace.mode[due:end] != q[begin]))
+    return found

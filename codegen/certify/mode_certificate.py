@@ -1,0 +1,119 @@
+"""Certificate of ``mode-set``: the true mode is never dropped, and by when every wrong one is.
+
+Stored are the delays per pair of modes and the widths behind them; ``check`` meets each anew: programs that surely have
+no solution, by witnesses in rational numbers, and constants that hold the plant, in ball arithmetic.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import CertificateError
+from .mode_claims import Claims
+from .mode_enclosure import check_enclosure
+
+Array = np.ndarray
+
+
+def dwell_samples(plant) -> int:
+    """Whole samples that every mode lasts at least; 0 where the plant file does not say."""
+    s = plant.switching
+    if s.average_dwell is None or s.chatter != 1:
+        return 0
+    return int(s.average_dwell / plant.sample_period + 1e-9)
+
+
+def square(n_modes: int, values: dict) -> list[list[int]]:
+    """Numbers per pair of modes as rows; 0 on the diagonal."""
+    return [[int(values.get((i, j), 0)) for j in range(n_modes)] for i in range(n_modes)]
+
+
+def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | None = None) -> tuple:
+    """Certify tables, with the oldest age that they have or the least that will do.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : ModeTables
+    horizon : int
+        Samples after which modes count as not to be told apart.
+    oldest : int or None
+        Search the oldest age up to this; None: keep that of the tables.
+    widths : ndarray (n_x,) or None
+        Where to begin the search for the widths, such as those of the other number type.
+
+    Returns
+    -------
+    tables : ModeTables
+    certificate : dict
+        ``check`` accepts it.
+
+    Raises
+    ------
+    CertificateError
+    """
+    check_enclosure(plant, t)
+    claims = Claims(t, plant.limits("x"), plant.limits("u"), dwell_samples(plant), horizon)
+    if oldest is None:
+        found = claims.delays(widths=widths)
+    else:
+        found, ages = claims.sized(oldest, widths)
+        t = replace(t, ages=ages)
+    if found.start is None:
+        raise CertificateError(f"certificate: from power-up some modes are not told apart within {horizon} samples. "
+                               "State a smaller initial box, or a longer dwell time.")
+    n = plant.n_modes
+    return t, {"kind": "mode", "dwell": dwell_samples(plant), "ages": t.ages, "horizon": horizon,
+               "old": square(n, found.old), "identified": square(n, found.identified), "quiet": found.quiet,
+               "start": found.start, "worst": found.worst, "widths": found.widths.tolist()}
+
+
+def check(plant, t, cert: dict) -> list[str]:
+    """Re-check a certificate; return what is proved, one sentence per claim.
+
+    Raises
+    ------
+    CertificateError
+        Naming the constant or the pair of modes.
+    """
+    check_enclosure(plant, t)
+    if t.ages != cert["ages"] or cert["dwell"] > dwell_samples(plant):
+        raise CertificateError(f"certificate: for {cert['ages']} ages and a dwell time of {cert['dwell']} samples, the "
+                               f"tables have {t.ages} and the plant {dwell_samples(plant)}.")
+    claims = Claims(t, plant.limits("x"), plant.limits("u"), cert["dwell"], cert["horizon"])
+    found = claims.again(np.array(cert["widths"]), {p: cert["old"][p[0]][p[1]] - 1 for p in claims.pairs})
+    for name, fresh in (("old", found.old), ("identified", found.identified)):
+        for (i, j), samples in fresh.items():
+            if cert[name][i][j] < samples:
+                raise CertificateError(f"certificate: {name} of the switch from {plant.modes[i].name} to "
+                                       f"{plant.modes[j].name} is {cert[name][i][j]} samples, only {samples} proved.")
+    for name, fresh in (("quiet", found.quiet), ("start", found.start), ("worst", found.worst)):
+        if fresh is None or cert[name] is None or cert[name] < fresh:
+            raise CertificateError(f"certificate: {name} is {cert[name]} samples, only {fresh} proved.")
+    return sentences(plant, t, cert)
+
+
+def sentences(plant, t, cert: dict) -> list[str]:
+    """What a certificate says."""
+    T, names = plant.sample_period, [m.name for m in plant.modes]
+
+    def time(samples: int) -> str:
+        return f"{samples} samples ({samples * T:.4g} s)" if samples != 1 else f"1 sample ({T:.4g} s)"
+
+    pairs = [(i, j) for i in range(len(names)) for j in range(len(names)) if i != j]
+    each = "; ".join(f'"{names[i]}" to "{names[j]}" {cert["old"][i][j]} and {cert["identified"][i][j]}'
+                     for i, j in pairs)
+    return [
+        "the true mode is in mode_set and x_lo <= x <= x_hi at every sample while no fault acts, so that no alarm is "
+        f"false, through switches too, which may fall at any instant, {time(t.ages + 1)} apart at least; all "
+        f"rounding is included ({t.real}, with or without fused multiply-add)",
+        f"a switch is identified within {time(cert['worst'])}: from then to the next switch mode is the true one, "
+        f"where switches are {time(cert['dwell'])} apart at least and no measurement is missing",
+        f"samples after which the old mode is out of mode_set, and after which mode is right: {each}",
+        f"from power-up within the initial box mode is right after {time(cert['start'])} at the latest, if the first "
+        f"switch is {time(cert['dwell'])} later or more",
+        f"a wrong mode that is taken up while the mode stays is out of mode_set within {time(cert['quiet'])}; the "
+        f"oldest age {t.ages} is beyond that",
+    ]

@@ -1,0 +1,74 @@
+"""A mode estimator in words: by when each switch is known, and the constants that the C holds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import words
+from .table import Folded, Table, table
+
+
+def delays(design, real: str) -> tuple[Table, ...]:
+    """Tabulate the certified delays; nothing of other observers.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+
+    Returns
+    -------
+    tuple of Table
+    """
+    cert, plant = design.certificate[real], design.plant
+    if cert["kind"] != "mode":
+        return ()
+    T, names = plant.sample_period, [m.name for m in plant.modes]
+    rows = [(names[i], names[j], words.delay(cert["old"][i][j], T), words.delay(cert["identified"][i][j], T))
+            for i in range(len(names)) for j in range(len(names)) if i != j]
+    rows.append(("power-up", "any", words.NONE, words.delay(cert["start"], T)))
+    notes = ("From the switch at the latest, wherever it falls between two samples, if switches are at least "
+             f"{words.delay(cert['dwell'], T)} apart and no measurement is missing. The true mode is in the set all "
+             f"the time, also where switches are only {words.delay(cert['ages'] + 1, T)} apart.",)
+    head = ("from", "to", "#old mode ruled out", "#mode right")
+    return (table("How soon the firmware knows the mode, proved", head, rows, notes),)
+
+
+def switching(cert: dict) -> str:
+    """Say for which switching the set of modes is proved."""
+    return (f"a mode that nobody tells, switching at any instant, at least {cert['ages'] + 1} samples apart (for the "
+            f"delays: {cert['dwell']} samples)")
+
+
+def gains(design, real: str, matrix) -> tuple[Folded, ...]:
+    """Tabulate the constants that the C holds, exactly, one fold per mode.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+    matrix : callable
+        (title, row names, column names, values) -> Table.
+
+    Returns
+    -------
+    tuple of Folded
+    """
+    t, plant = design.observer.tables[real], design.plant
+    xi, u = [f"xi[{i}]" for i in range(plant.n_x)], [s.name for s in plant.u]
+    folds = []
+    for q, mode in enumerate(plant.modes):
+        tables = [matrix("Phi: a period of the mode", xi, xi, t.Phi[q])]
+        tables += [matrix("Gamma: inputs over a period", xi, u, t.Gamma[q])] * bool(u)
+        tables.append(matrix("What is added, and what disturbances and rounding reach", xi, ["shift", "reach"],
+                             np.stack([t.shift[q], t.reach[q]], axis=1)))
+        for j, other in enumerate(plant.modes):
+            if j != q:
+                tables.append(matrix(f"A switch to {other.name} within the period: J, J_shift, J_reach, birth", xi,
+                                     [*xi, "J_shift", "J_reach", "birth"],
+                                     np.column_stack([t.J[q, j], t.J_shift[q, j], t.J_reach[q, j], t.birth[q, j]])))
+        folds.append(Folded(f"Mode {q}, “{mode.name}”", tuple(tables)))
+    coordinates = matrix("xi = S x", xi, [s.name for s in plant.x], t.S)
+    noise = matrix("Bounds of y - D u - C x", [s.name for s in plant.y], ["v_lo", "v_hi"],
+                   np.stack([t.v_lo, t.v_hi], axis=1))
+    return (*folds, Folded("Coordinates and noise", (coordinates, noise)))
