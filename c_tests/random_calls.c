@@ -5,14 +5,15 @@
  */
 #include "bench.h"
 
-uint32_t random_calls(void);
+uint32_t random_calls(uint32_t part);
 
 static uint32_t seed;
 
+/* From the high bits: the low ones repeat so soon that draws would depend on each other. */
 static uint32_t draw(uint32_t below)
 {
     seed = (seed * 1664525U) + 1013904223U;
-    return (seed >> 8U) % below;
+    return (uint32_t)(((uint64_t)seed * below) >> 32U);
 }
 
 static T(real) between(T(real) lo, T(real) hi)
@@ -82,6 +83,47 @@ static void any_box(T(real) *lo, T(real) *hi, const T(real) *least, const T(real
 }
 #endif
 
+#if CASE_POINT && CASE_HAS_SHAPE
+/* A set of any size up to some more than the whole range: what a step can leave, or now and then anything. */
+static void any_shape(T(state) *s)
+{
+    T(state) whole;
+    const T(real) share = (T(real))(1U << draw((draw(4U) == 0U) ? 30U : 12U)) / between(1, 2);
+    const uint32_t some = draw(8U);
+
+    T(reset)(&whole);
+    for (uint32_t i = 0U; i < M(NSHAPE); i++)
+    {
+        const T(real) size = whole.shape[(M(NSHAPE) == M(NX)) ? i : ((i % M(NX)) * (M(NX) + 1U))] / share;
+
+        s->shape[i] = between((CASE_SIGNED_SHAPE || (some == 0U)) ? -size : 0, size);
+    }
+#if CASE_SQUARE_SHAPE
+    if (some != 0U) /* F F', F with one column less or as many as rows */
+    {
+        T(real) factor[M(NSHAPE)];
+
+        for (uint32_t i = 0U; i < M(NSHAPE); i++)
+        {
+            factor[i] = between(-1, 1);
+        }
+        for (uint32_t i = 0U; i < M(NSHAPE); i++)
+        {
+            const uint32_t row = i / M(NX);
+            const uint32_t column = i % M(NX);
+            const T(real) size = whole.shape[0] / share;
+
+            s->shape[i] = 0;
+            for (uint32_t k = some % 2U; k < M(NX); k++)
+            {
+                s->shape[i] += size * (factor[(row * M(NX)) + k] * factor[(column * M(NX)) + k]);
+            }
+        }
+    }
+#endif
+}
+#endif
+
 #if CASE_BOXES
 /* Boxes of any size anywhere, of any modes and ages. */
 static void any_framers(T(state) *s)
@@ -115,35 +157,28 @@ static void any_framers(T(state) *s)
     }
     s->since = draw(M(LAST) + 2U);
 #elif CASE_POINT
-    T(state) whole;
-    const uint32_t share = draw(12U);
+    static const T(real) offs[] = { 1024, 2, 2, 1, (T(real))1 / 16384, (T(real))1 / 16384, (T(real))1 / 16384, 0 };
+    const T(real) off = offs[draw(8U)];
 
-    T(reset)(&whole);
-    for (uint32_t i = 0U; i < M(NX); i++)
+    for (uint32_t i = 0U; i < M(NX); i++) /* far off, anywhere, where a measurement can be near, or zero */
     {
-        s->x_hat[i] = between(x_lo[i], x_hi[i]) * ((draw(8U) == 0U) ? 1024 : 1);
-#if CASE_N_COUNTS > 0 /* where a measurement can be near */
-        s->x_hat[i] /= (draw(8U) == 0U) ? 1 : 16384;
+        s->x_hat[i] = between(x_lo[i], x_hi[i]) * off;
+    }
+    s->phase = (draw(2U) == 0U) ? draw(3U) : 0U; /* the estimate as it is: its residual is easy to make small */
+#if CASE_HAS_ORIGIN
+    s->origin = draw(M(MODES) + 2U);
 #endif
-    }
 #if CASE_HAS_SHAPE
-    for (uint32_t i = 0U; i < M(NSHAPE); i++)
-    {
-        const T(real) size = whole.shape[(i % M(NX)) * (M(NX) + 1U)] / (T(real))(1U << share);
-
-        s->shape[i] = between(-size, size);
-    }
-#else
-    (void)share;
+    any_shape(s);
 #endif
 #if CASE_N_COUNTS > 0
     {
+        static const uint32_t tops[] = CASE_TOPS;
         uint32_t *counts[] = CASE_COUNTS(s);
 
-        s->phase = (draw(3U) == 0U) ? s->phase : 0U; /* the estimate as it is: its residual is easy to make small */
         for (uint32_t i = 0U; i < CASE_N_COUNTS; i++)
         {
-            *counts[i] = draw((draw(3U) == 0U) ? 24U : 8U); /* beyond the tables, too */
+            *counts[i] = draw(tops[i] + ((draw(16U) == 0U) ? 16U : 1U)); /* beyond the tables, too */
         }
     }
 #endif
@@ -156,49 +191,77 @@ static void any_framers(T(state) *s)
 }
 #endif
 
+#if CASE_POINT
+/* A mode in which the set keeps its place in the tables. */
+static void any_mode(bench *b)
+{
 #if CASE_N_COUNTS > 0
-/* The answer to a step with measurements between two. */
-static uint32_t tried(const bench *b, const T(real) *quiet, const T(real) *wild, T(real) share, T(out) *out)
+    for (uint32_t k = 0U; k < M(MODES); k++)
+    {
+        bench trial = *b;
+
+        trial.s.phase = 0U;
+        (void)T(predict)(&trial.s, &trial.in, &trial.out);
+        if (trial.s.since == b->s.since)
+        {
+            break;
+        }
+        b->in.mode = (b->in.mode + 1U) % M(MODES);
+    }
+#else
+    (void)b;
+#endif
+}
+
+/* A measurement between two, cut to its range. */
+static void place(T(in) *in, const T(real) *quiet, const T(real) *ray, T(real) share)
+{
+    for (uint32_t i = 0U; i < M(NY); i++)
+    {
+        in->y[i] = quiet[i] + (share * ray[i]);
+        in->y[i] = (in->y[i] < y_lo[i]) ? y_lo[i] : ((in->y[i] > y_hi[i]) ? y_hi[i] : in->y[i]);
+    }
+}
+
+/* The bits that a step would answer to it, of those asked for. */
+static uint32_t tried(const bench *b, uint32_t bits)
 {
     bench trial = *b;
 
-    for (uint32_t i = 0U; i < M(NY); i++)
-    {
-        trial.in.y[i] = quiet[i] + (share * (wild[i] - quiet[i]));
-    }
-    trial.out.raw = 0U;
     (void)T(step)(&trial.s, &trial.in, &trial.out);
-    *out = trial.out;
-    return trial.out.raw;
+    return trial.out.raw & bits;
 }
 
-/* Measurements at the edge of an alarm: what every threshold decides, along some ray. */
+/*
+ * A measurement at the edge of an alarm, to the last bit: what every threshold decides, along some ray. The edge is
+ * either that of all alarms or that of the alarm of all outputs together, which others would hide.
+ */
 static void any_edge(bench *b)
 {
-    T(real) quiet[M(NY)];
-    T(real) wild[M(NY)];
+    const uint32_t bits = ((M(BITS) == M(NY)) || (draw(4U) == 0U)) ? 0xFFFFFFFFU : ((uint32_t)1U << M(NY));
+    const uint32_t alone = draw(8U * M(NY)); /* along one output, or between all */
+    T(real) quiet[M(NY)] = { 0 };
+    T(real) ray[M(NY)] = { 0 };
     T(real) inside = 0;
     T(real) beyond = 1;
-    T(out) out;
+    T(real) middle = (T(real))0.5;
 
-    for (uint32_t i = 0U; i < M(NY); i++)
-    {
-        quiet[i] = b->in.y[i];
-    }
     for (uint32_t k = 0U; k < 3U; k++)
     {
-        (void)tried(b, quiet, quiet, 0, &out);
+        bench trial = *b;
+
+        (void)T(step)(&trial.s, &trial.in, &trial.out);
         for (uint32_t i = 0U; i < M(NY); i++)
         {
-            quiet[i] -= out.r[i];
-            wild[i] = quiet[i] + (out.r_bound[i] * between(-4, 4));
+            quiet[i] = trial.in.y[i] - trial.out.r[i];
+            ray[i] = ((alone < M(NY)) && (alone != i)) ? 0 : (trial.out.r_bound[i] * between(-4, 4));
         }
+        place(&b->in, quiet, ray, 0);
     }
-    for (uint32_t k = 0U; k < 12U; k++)
+    while ((middle > inside) && (middle < beyond))
     {
-        const T(real) middle = (inside + beyond) / 2;
-
-        if (tried(b, quiet, wild, middle, &out) != 0U)
+        place(&b->in, quiet, ray, middle);
+        if (tried(b, bits) != 0U)
         {
             beyond = middle;
         }
@@ -206,11 +269,56 @@ static void any_edge(bench *b)
         {
             inside = middle;
         }
+        middle = (inside + beyond) / 2;
+        middle = (beyond < (T(real))0.0001) ? 0 : middle; /* an edge at nothing is none */
     }
-    for (uint32_t i = 0U; i < M(NY); i++)
+    place(&b->in, quiet, ray, (draw(2U) == 0U) ? inside : beyond);
+}
+/* The estimate, or the set, so many times as large. */
+static bench grown(const bench *b, uint32_t set, T(real) times)
+{
+    bench trial = *b;
+
+#if CASE_HAS_SHAPE
+    for (uint32_t i = 0U; (set != 0U) && (i < M(NSHAPE)); i++)
     {
-        b->in.y[i] = quiet[i] + (((draw(2U) == 0U) ? inside : beyond) * (wild[i] - quiet[i]));
+        trial.s.shape[i] *= times;
     }
+#endif
+    for (uint32_t i = 0U; (set == 0U) && (i < M(NX)); i++)
+    {
+        trial.s.x_hat[i] *= times;
+    }
+    return trial;
+}
+
+/* An estimate or a set at the edge of starting anew, to the last bit: what every limit of a size decides. */
+static void any_limit(bench *b)
+{
+    const uint32_t set = (CASE_HAS_SHAPE != 0) ? draw(2U) : 0U;
+    T(real) inside = 0;
+    T(real) beyond = 4096;
+    T(real) middle = 1;
+
+    b->s.phase = 0U;
+    while ((middle > inside) && (middle < beyond))
+    {
+        const bench trial = grown(b, set, middle);
+        bench after = trial;
+
+        (void)T(predict)(&after.s, &after.in, &after.out);
+        if (same_bytes(after.s.x_hat, trial.s.x_hat, sizeof(trial.s.x_hat)))
+        {
+            inside = middle;
+        }
+        else
+        {
+            beyond = middle;
+        }
+        middle = (inside + beyond) / 2;
+        middle = (beyond < (T(real))0.0001) ? 0 : middle;
+    }
+    *b = grown(b, set, (draw(2U) == 0U) ? inside : beyond);
 }
 #endif
 
@@ -225,12 +333,13 @@ static uint32_t add(uint32_t digest, const void *object, uint32_t size)
     return digest;
 }
 
-uint32_t random_calls(void)
+/* One part of the calls, each with draws of its own. */
+uint32_t random_calls(uint32_t part)
 {
     uint32_t digest = 2166136261U;
 
-    seed = 1U;
-    for (uint32_t n = 0U; n < 2000U; n++)
+    seed = (part + 1U) * 2654435769U;
+    for (uint32_t n = 0U; n < 500U; n++)
     {
         bench b;
 
@@ -241,8 +350,16 @@ uint32_t random_calls(void)
             if (call > 0U)
             {
                 any_framers(&b.s);
-#if CASE_N_COUNTS > 0
-                any_edge(&b);
+#if CASE_POINT
+                any_mode(&b);
+                if (draw(8U) == 0U)
+                {
+                    any_limit(&b);
+                }
+                else
+                {
+                    any_edge(&b);
+                }
 #endif
             }
             digest += (uint32_t)((draw(4U) != 0U) ? T(step)(&b.s, &b.in, &b.out) : T(predict)(&b.s, &b.in, &b.out));

@@ -25,8 +25,10 @@ BUILDS = {
 }
 
 
-#: Words of the state by which a set finds its place in tables.
-COUNTS = ("stage", "since", "phase_at", "block", "before")
+#: Words of the state by which a set finds its place in tables, each with the macro of its largest value or one more.
+COUNTS = {"stage": "STAGES", "since": "ROWS", "phase_at": "PERIOD", "block": "MODES", "before": "MODES"}
+#: Where that is another one.
+SINCE = {"schedule": "SETTLED", "blocks": "LONGEST"}
 
 
 def folders() -> list[Path]:
@@ -51,6 +53,7 @@ def case(record: dict) -> str:
     flags = {"nu": record["n_u"], "ntheta": record["n_theta"], "latch": supervision["latch"],
              "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members,
              "boxes": "box_lo" in members, "has_origin": "origin" in members, "has_shape": "shape" in members,
+             "square_shape": record["family"].startswith("ellipsoid"), "signed_shape": record["family"] != "box",
              "told": "mode" in {name for name, _, _ in record["in"]},
              "has_z": "z_lo" in members, "has_mode": "mode" in members, "counts_hold": "hold" in members}
     values |= {f"CASE_{name.upper()}": f"{value}U" for name, value in numbers.items()}
@@ -58,6 +61,8 @@ def case(record: dict) -> str:
     counts = [name for name in COUNTS if name in members and "xi" not in members]
     if counts:
         values["CASE_COUNTS(s)"] = "{ " + ", ".join(f"&(s)->{name}" for name in counts) + " }"
+        tops = COUNTS | {"since": SINCE.get(record["family"], COUNTS["since"])}
+        values["CASE_TOPS"] = "{ " + ", ".join(f"M({tops[name]})" for name in counts) + " }"
     values["CASE_N_COUNTS"] = f"{len(counts)}U"
     return "\n".join(["#ifndef CASE_H", "#define CASE_H", f'#include "{record["prefix"]}.h"',
                       f"#define T(name) {record['prefix']}_##name", f"#define M(name) {record['macro']}_##name",

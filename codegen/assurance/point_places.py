@@ -181,11 +181,16 @@ MODE_FIRST = {*"MACVHPS", "F", "Fb", "Hb", "rho", "k", "kb", "kr", "Pb", "gb", "
 
 
 def _orders(value: Array) -> Iterator[Array]:
-    """The orders in which a field may be printed: its own, the directions beyond the outputs, column after column."""
+    """The orders in which a field may be printed.
+
+    Its own, the directions beyond the outputs, column after column, or of symmetric matrices the lower triangles.
+    """
     at = np.arange(value.size).reshape(value.shape)
     yield at.ravel()
     if value.ndim == 2 and len(value) > value.shape[1]:
         yield at[value.shape[1]:].ravel()  # the first directions are the outputs themselves
+    if value.ndim >= 3 and value.shape[-2] == value.shape[-1] and np.array_equal(value, value.swapaxes(-2, -1)):
+        yield at[(..., *np.tril_indices(value.shape[-1]))].ravel()
     if value.ndim >= 4:
         yield at.swapaxes(-2, -1).ravel()
         yield at.swapaxes(0, 1).ravel()  # mode by mode, in each the origins

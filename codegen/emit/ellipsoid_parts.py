@@ -54,6 +54,11 @@ class EllipsoidView:
     floor: str
 
 
+def lower_of(S: Array) -> Array:
+    """Return the lower triangles of symmetric matrices, row by row: all that the C reads."""
+    return S[(..., *np.tril_indices(S.shape[-1]))]
+
+
 def view(t, names: Names) -> EllipsoidView:
     """Print the tables."""
     z, m, real, n_y = t.shape, names.macro, t.real, t.C.shape[1]
@@ -70,10 +75,9 @@ def view(t, names: Names) -> EllipsoidView:
         return Table(name, f"[{m}_MODES]{size}", (), lines)
 
     def form(name, equation, matrix, A, S, g, k, count, after):
-        flat = S.reshape(*S.shape[:2], -1)
         return Form(f"{names.prefix}_{name}", equation, matrix, (
             by_mode(matrix, A, f"[{m}_{count}][{m}_NX]"),
-            by_mode("noise", flat, f"[{m}_ORIGINS][{m}_{count} * {m}_{count}]"),
+            by_mode("noise", lower_of(S), f"[{m}_ORIGINS][({m}_{count} * ({m}_{count} + 1U)) / 2U]"),
             Table("factor", f"[{m}_MODES]", (), (initialiser(g, real).strip("{} ") + ",",)),
             by_mode("rounding", k, f"[{m}_{count}]")), after)
 

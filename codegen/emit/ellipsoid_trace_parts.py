@@ -8,7 +8,7 @@ from ..observers.ellipsoid import shape_of_box
 from ..observers.ellipsoid_trace import STEPS
 from ..observers.point import centred
 from .cprint import initialiser, literal
-from .ellipsoid_parts import Form, membership, state
+from .ellipsoid_parts import Form, lower_of, membership, state
 from .maps import Names, Table
 from .parts import Operations, Size
 from .pieces import mode_rows
@@ -62,7 +62,7 @@ def view(t, names: Names) -> TraceView:
     def form(name, equation, matrix, A, S, inverse, k, weight, count, after):
         return Form(f"{names.prefix}_{name}", equation, matrix, (
             by_mode(matrix, A, f"[{m}_{count}][{m}_NX]"),
-            by_mode("noise", S.reshape(*S.shape[:2], -1), f"[{m}_ORIGINS][{m}_{count} * {m}_{count}]"),
+            by_mode("noise", lower_of(S), f"[{m}_ORIGINS][({m}_{count} * ({m}_{count} + 1U)) / 2U]"),
             by_mode("inverse", inverse, f"[{m}_ORIGINS]"), by_mode("rounding", k, f"[{m}_{count}]"),
             vector("weight", weight, count)), after)
 

@@ -58,7 +58,7 @@ SETS = {
         ("direction[i - PT_NY][j]", "direction[0][j]")),
     "ellipsoid": (
         ("factor[p] *", "factor[0] *"), ("(rounding[p][i] * trace)", "0.0F"), ("- cross - cross", "- cross"),
-        ("noise[p][o][at]", "noise[p][0][at]"), ("other < root", "other > root"),
+        ("noise[p][o][", "noise[p][0]["), ("other < root", "other > root"),
         ("s->shape[i] = next[i];", ""), ("weight[i] *", "weight[0] *")),
 }
 

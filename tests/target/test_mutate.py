@@ -9,11 +9,29 @@ from helpers.tools import need
 need("gcc")
 mutate = load("mutate")
 SMALL = next(folder for folder in GENERATED if folder.name == "cart_tnl-interval")
+SET = next(folder for folder in GENERATED if folder.name == "zammali_ellipsoid_ellipsoid")
 
 
 def test_a_sample_is_killed():
     tried, survived = mutate.survivors(SMALL, sample=100)
     assert tried > 90 and survived == []
+
+
+def test_a_sample_of_a_set_is_killed():
+    tried, survived = mutate.survivors(SET, sample=24)
+    assert tried > 20 and survived == []
+
+
+def test_edges_decide(monkeypatch):
+    """A strict comparison differs only for a number on its very threshold, a radius by a set near nothing."""
+    every = mutate.mutants
+    monkeypatch.setattr(mutate, "mutants", lambda text: [
+        m for m in every(text) if (m.old, m.new) == ("<=", "<") and "_outside: " in m.describe(text)
+        or m.new == "0.001F" and "_radius: " in m.describe(text)])
+    tried, survived = mutate.survivors(SET)
+    assert tried > 1 and survived == []
+    monkeypatch.setattr(mutate.Bench, "digests", lambda self: [])  # without the random calls one survives
+    assert any("[[0.0F=>0.001F]]" in s for s in mutate.survivors(SET)[1])
 
 
 def test_every_kind_is_made():
