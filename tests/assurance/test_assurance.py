@@ -149,9 +149,14 @@ def every_number_of_a_set(t, found, modes):
             assert same or not isinstance(value, np.ndarray) or name in ("directions", "N") or not np.any(value), name
             continue
         beyond = t.C.shape[1] if name == "directions" and (name, "", 0, 0) not in found else 0
+        square = value.ndim >= 3 and value.shape[-2] == value.shape[-1]
+        symmetric = square and np.array_equal(value, value.swapaxes(-2, -1))
         for index, v in np.ndenumerate(value):
             if index and index[0] < beyond:
                 continue  # the first directions are the outputs themselves
+            if symmetric and index[-1] > index[-2] and not any(
+                    (stem, *key) in found for key in (("", *index), (modes[index[0]], *index[1:]))):
+                continue  # the C has the lower triangle, each entry of which is looked for
             mode = (modes[index[0]], *index[1:]) if index and (name, modes[0], *index[1:]) in found and (
                 stem == name) else ("", *index)
             assert found[stem, *mode] == float(v), (name, index)
