@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.folders import write
 
 from codegen.designs import read_design
 from codegen.emit.package import generate
@@ -91,7 +92,7 @@ def reference():
 @pytest.mark.parametrize("name", DESIGNS)
 def test_c_equals_reference(name, real, layout, reference, tmp_path):
     u, y, q, theta, expected = reference(name, real)
-    driver = build(generate(design_of(name), tmp_path / "c", real=real, layout=layout))
+    driver = build(write(design_of(name), tmp_path / "c", real=real, layout=layout))
     assert driver.run_many(u, y, q, theta=theta).differs(expected) == []
     assert RUNS * STEPS >= 10**5
     # The signals do reach what there is to reach.
