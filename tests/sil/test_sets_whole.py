@@ -46,9 +46,8 @@ def test_plant_file_to_validated_firmware(text, family, tmp_path):
     begins = "each residual is" if family == "box" else "the residual lies"
     assert done.exit_code == 0 and begins in done.output, done.output
     states = {c["id"]: c["state"] for c in json.loads((tmp_path / "out" / "assurance.json").read_text())["checks"]}
-    known = {"exact", "read-back", "validation", *(["independent"] if family != "blocks" else [])}
-    assert known == {k for k, v in states.items() if v == "passed"} - {
-        "compile", "detection"}
+    known = {"exact", "read-back", "validation", "independent"}
+    assert known == {k for k, v in states.items() if v == "passed"} - {"compile", "detection"}
     for name in ("pt.c", "pt.h", "test_pt.c"):
         assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
     record = json.loads((tmp_path / "out" / "resources.json").read_text())

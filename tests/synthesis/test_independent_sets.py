@@ -88,6 +88,18 @@ FALSE = {
         "threshold": ((*Z, "h"), 0.99, "threshold of"), "last threshold": ((*Z, "h", -1), 0.99, "threshold of phase"),
         "first threshold": ((*Z, "h", 0), 0.99, "sample 0"), "half width": ((*Z, "hx"), 0.99, "threshold of"),
         "width": ((*C, "steady_box", "width"), 0.99, "ultimate width")},
+    "blocks": {name: (path, 1.01, "") for name, path in ESTIMATE.items() if name not in ("box", "range", "blind")} | {
+        "box": ((*T, "box"), 0.1, "box of the estimate"), "range": ((*T, "x_hi"), 0.9, "box x"),
+        "rows": ((*Z, "rows"), 1.01, "scalars["), "scalars": ((*Z, "scalars"), 0.99, "scalars["),
+        "scalars at the start": ((*Z, "scalars", 0, 1, 0), 0.5, "scalars[0][1][0]"),
+        "noise": ((*Z, "noise"), 0.99, "noise["), "powers": ((*Z, "powers"), 1.001, "e["),
+        "last power": ((*Z, "powers", 1, -1), 1.01, "e["), "pushed": ((*Z, "pushed"), 0.99, "e["),
+        "last pushed": ((*Z, "pushed", 0, 2, -1), 0.99, "e["), "e": ((*Z, "e"), 0.5, "e["),
+        "start": ((*Z, "start"), 0.99, "start["), "anywhere": ((*Z, "anywhere"), 0.99, "anywhere["),
+        "limit": ((*Z, "most"), 0.5, "beyond the limit"), "higher limit": ((*Z, "most"), 1.1, ""),
+        "wide": ((*Z, "wide"), 0.9, "wide["), "a direction": ((*Z, "directions", 2), 1.001, "noise["),
+        "ultimate box": ((*C, "steady_box", "half"), 0.9, "ultimate box"),
+        "width": ((*C, "steady_box", "width"), 0.99, "ultimate width")},
 }
 LEVEL = {"level": ((*C, "level"), 1 - 1e-6, "level"), "P": ((*C, "P"), 1.5, ""), "g": ((*C, "g"), 0.9, "matrix")}
 
@@ -138,6 +150,7 @@ def check_source():
 CHANGES = {  # what of the C, and what instead
     "a number of a table": (r"(limit\[\w+\] = \{\s*)[\d.]+F", r"\g<1>0.123F"),
     "a number of the estimate": (r"(?<=[{ ])-?0\.\d{5,}F(?=,)", "0.123F"),
+    "the set of every error": (r"(_set_anywhere\([^{]*\{\s*static[^{]*\{\s*)[\d.]+F", r"\g<1>9.0F"),
     "two numbers of a table": (r"(?s)(_set_initial\(.*?\{ )(-?[\d.e-]+F), (?!\2)(-?[\d.e-]+F)", r"\1\3, \2"),
     "where init starts": (r"(_init\([^{]*\{\s*s->x_hat\[0\] = )[^;]*", r"\g<1>50.0F"),
     "the set of init": (r"(_set_initial\([^{]*\{\s*static[^{]*\{\s*)[\d.]+F", r"\g<1>0.001F"),
