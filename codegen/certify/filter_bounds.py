@@ -258,3 +258,23 @@ def _holds(needed: Array, given: Array, when: str) -> None:
         q, j = np.argwhere(wrong)[0]
         raise CertificateError(f"certificate: the estimate of fault {j} in mode {q} reaches {needed[q, j]:.6g} {when}, "
                                f"its threshold is {float(given[q, j]):.6g}.")
+
+
+def check_monitor(supervision, cert: dict) -> None:
+    """Check that the bucket of the firmware is the one along which the filter is proved.
+
+    Parameters
+    ----------
+    supervision : Supervision
+    cert : dict
+        Of a filter.
+
+    Raises
+    ------
+    CertificateError
+        Another bucket.
+    """
+    for name in ("dwell_add", "dwell_drain", "dwell_limit"):
+        if getattr(supervision, name) != cert[name]:
+            raise CertificateError(f"certificate: {name} of the monitor is {getattr(supervision, name)} (found), "
+                                   f"expected {cert[name]}.")

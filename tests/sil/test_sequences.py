@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.folders import write
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from codegen.designs import read_design
@@ -38,8 +38,13 @@ def statuses(design, driver) -> set[int]:
     measured = [s for s in plant.theta if s.measured]
     mode = st.one_of(st.integers(0, plant.n_modes - 1), st.integers(0, 2**32 - 1))
     sample = st.tuples(numbers(plant.u), numbers(plant.y), numbers(measured), mode)
+    # Each refusal at least once, whatever is drawn: a sample that is accepted, and the same with one part spoilt.
+    fine = [tuple(float(np.float32((s.lo + s.hi) / 2)) for s in part) for part in (plant.u, plant.y, measured)] + [0]
+    spoilt = [tuple(float("nan") for _ in part) for part in (plant.u, plant.y, measured)] + [plant.n_modes]
+    told = [tuple(fine), *(tuple(spoilt[i] if i == at else fine[i] for i in range(4)) for at in range(4))]
 
     @settings(max_examples=150, deadline=None, derandomize=True, database=None)
+    @example(told)
     @given(st.lists(sample, min_size=1, max_size=20))
     def run(samples):
         u, y, theta = (np.array([s[i] for s in samples], dtype=np.float32).reshape(len(samples), -1) for i in range(3))
