@@ -8,6 +8,8 @@ from set_plants import PRINTED62
 
 from codegen.certify import set_claims
 from codegen.certify.exact import rational
+from codegen.certify.sets import SetDemands, ZonotopeDemands
+from codegen.certify.settled import Boxes
 from codegen.errors import CertificateError, DesignError
 from codegen.observers import Supervision, ZonotopeObserver
 from codegen.plant.load import load
@@ -87,6 +89,19 @@ def test_boxes_that_are_not_kept_are_refused(slow):
                     {"steady_box": box | {"half": (0.9 * np.array(box["half"])).tolist()}}):
         with pytest.raises(CertificateError, match="the hull of the error set leaves its box in mode"):
             set_claims.check(plant.modes, t, cert | smaller)
+
+
+def test_boxes_leave_room_for_sums_that_are_rounded_up(slow):
+    """Boxes found as if the sum of a box were never above its exact value do not hold."""
+    plant, _, t, cert = slow
+    demands = ZonotopeDemands(SetDemands(plant.modes, t), t.shape)
+    every, tight = Boxes(t, demands, 6), Boxes(t, demands, 6)
+    assert every.broken(np.array(cert["boxes"]["half"])) is None
+    for (p, q), added in tight.added.items():
+        slip = demands.inside()[p] - (abs(rational(t.shape.B[p])) @ demands.e)
+        tight.added[p, q] = added - tight.maps[p, q] @ slip
+    half = tight.found()
+    assert tight.broken(half) is None and every.broken(half) is not None
 
 
 def test_where_nothing_is_proved_a_small_order_is_refused():
