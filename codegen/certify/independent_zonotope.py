@@ -68,11 +68,12 @@ def check(e, cert, ranges, box0):
         says += " " + check_kept(turn, cert["boxes"], pushed, half)
     elif half:
         for q, M in enumerate(e.M):
-            stay, push = times(magnitudes(M), half), zip(times(magnitudes(M), given["e"]), carry(e.M, q))
-            push = [a + b for a, b in push]
+            stay = times(magnitudes(M), half)
+            boxed = [(1 + grow) * (h + b) + (columns + 2) * 2 * tiny for h, b in zip(half, given["e"])]
+            moved = [(1 + u) ** n * b + 2 * n * columns * tiny for b in times(magnitudes(M), boxed)]
             for stored in Fs[q]:
                 for i, row in enumerate(stored):
-                    new = stay[i] + push[i] + sum(map(abs, row))
+                    new = moved[i] + sum(map(abs, row))
                     demand(stay[i] < half[i] and new <= half[i], f"ultimate box, state {i}")
     for i, h in enumerate(half):
         width = F(cert["steady_box"]["width"][i])
