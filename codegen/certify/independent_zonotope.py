@@ -1,7 +1,8 @@
 """A zonotope's tables, checked again; see ``independent_sets.py``.
 
 The error is in H z + box(e less the rounding of a box's sum). A step takes M H, with the columns beyond the kept ones
-summed to a box, and adds F: so ``e`` must hold the rest, what F lacks, and the rounding of M H and of that sum.
+summed to a box, and adds F: so ``e`` must hold the rest, what F lacks, and the rounding of M H and of that sum. Where
+the box is in other coordinates, ``independent_oblique.py`` says what takes the place of that sum.
 """
 
 import sys
@@ -10,6 +11,7 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
 from independent import demand, exact, sub  # noqa: E402 - stands beside this file
+from independent_oblique import Turn, check_kept  # noqa: E402
 from independent_sets import check_boxes, magnitudes, times  # noqa: E402
 
 
@@ -21,12 +23,14 @@ def check(e, cert, ranges, box0):
     V = [[lists(o, m) for o in q] for q in exact(z["V"])]
     columns, noises = z["order"] + len(Fs[0][0][0]), len(V[0][0][0])
     demand(z["order"] == cert["order"] >= n, "order")
-    demand(not z["B"] and "boxes" not in cert, "boxes in other coordinates, or under a dwell time, are not known here")
+    demand(z["key"] in ("squared", "girard"), "key of the columns")
     # A row's computed sum is at most its limit, hence the exact one at most:
     rows = [(limit + (columns + 1) * tiny) / (1 - u) ** (columns + 1) for limit in e.limit]
     grow = (1 + u) ** (columns + 2) - 1
     chain = [grow * (s + b) + (columns + 2) * 2 * tiny for s, b in zip(rows, given["e"])]
-    carried = [(1 + grow) * (s + b) + c for s, b, c in zip(rows, given["e"], chain)]
+    turn = Turn(e, z, rows, given["e"], columns)
+    summed = [F(0)] * n if turn.oblique else chain  # the rounding of a box's sum that e has to hold
+    carried = rows if turn.oblique else [(1 + grow) * (s + b) + c for s, b, c in zip(rows, given["e"], chain)]
 
     def carry(M, q):
         return [((1 + u) ** n - 1) * a + 2 * n * columns * tiny for a in times(magnitudes(M[q]), carried)]
@@ -42,7 +46,7 @@ def check(e, cert, ranges, box0):
 
     for q in range(len(e.modes)):
         for M, stored, kind in ((e.M, Fs, "F"), (e.A, Fb, "Fb")):
-            need = zip(e.rest(q, kind == "F"), carry(M, q), off(stored, kind, q), chain)
+            need = zip(e.rest(q, kind == "F"), carry(M, q), off(stored, kind, q), summed, turn.lack(q, kind == "F"))
             for i, (parts, b) in enumerate(zip(need, given["e"])):
                 demand(b >= sum(parts), f"e[{i}] lacks {float(sum(parts) - b):.3g} in mode {q}")
         need = zip(e.residual_rest(q), times(magnitudes(e.C[q]), given["e"]), carry(e.C, q), off(V, "V", q))
@@ -56,18 +60,25 @@ def check(e, cert, ranges, box0):
     demand(F(z["slack"]) >= (terms + 3 * m + 8) * u * F(17, 16), "slack of the membership test")
     demand(F(z["floor"]) >= 2 * (terms + 2) * (m + 1) * tiny, "floor of the membership test")
     check_boxes(e, ranges, box0, given["spread"][-1], F(1))
-    if cert.get("steady_box"):
-        half = exact(cert["steady_box"]["half"])
+    says, half = "boundedness", exact((cert.get("steady_box") or {}).get("half", []))
+    if half and ("boxes" in cert or turn.oblique):
+        demand("boxes" in cert, "no boxes that the set keeps")
+        pushed = [[max(x) for x in zip(*([sum(map(abs, row)) for row in S] for S in Fs[q]))] for q in range(len(Fs))]
+        pushed = [[sum(x) for x in zip(f, carry(e.M, q), turn.lack(q, True))] for q, f in enumerate(pushed)]
+        says += " " + check_kept(turn, cert["boxes"], pushed, half)
+    elif half:
         for q, M in enumerate(e.M):
-            stay, push = times(magnitudes(M), half), zip(times(magnitudes(M), given["e"]), carry(e.M, q))
-            push = [a + b for a, b in push]
+            stay = times(magnitudes(M), half)
+            boxed = [(1 + grow) * (h + b) + (columns + 2) * 2 * tiny for h, b in zip(half, given["e"])]
+            moved = [(1 + u) ** n * b + 2 * n * columns * tiny for b in times(magnitudes(M), boxed)]
             for stored in Fs[q]:
                 for i, row in enumerate(stored):
-                    new = stay[i] + push[i] + sum(map(abs, row))
+                    new = moved[i] + sum(map(abs, row))
                     demand(stay[i] < half[i] and new <= half[i], f"ultimate box, state {i}")
-        for i, w in enumerate(cert["steady_box"]["width"]):
-            demand(F(w) >= 2 * (half[i] + max(s[i] for s in given["spread"])), f"ultimate width of state {i}")
-    return "error and residual stay in their zonotopes with rounding, boundedness"
+    for i, h in enumerate(half):
+        width = F(cert["steady_box"]["width"][i])
+        demand(width >= 2 * (h + max(s[i] for s in given["spread"])), f"ultimate width of state {i}")
+    return f"error and residual stay in their zonotopes with rounding, {says}"
 
 
 def lists(rows, count):

@@ -195,13 +195,16 @@ def steady_hull(t, demands: ZonotopeDemands) -> Array | None:
                      for q, m in enumerate(M)])
     push += np.array([[float(x) for x in demands.carry(m)] for m in demands.of.M])
     scale = np.maximum(t.limit.astype(float), 1e-300)
-    rows = np.concatenate([(m * (1 + 1e-7) - np.eye(n)) * scale / scale[:, None] for m in M])
-    found = linprog(np.ones(n), A_ub=rows, b_ub=np.concatenate([-p * (1 + 1e-7) / scale for p in push]),
-                    bounds=[(1e-9, None)] * n)
-    if found.status != 0:
-        return None
-    half = found.x * scale * (1 + 1e-6)
-    return half if not demands.steady(half) else None
+    for room in (1e-7, 1e-7 + 2 * (t.shape.columns + n + 3) * float(UNIT[t.real])):  # sums near the limit
+        rows = np.concatenate([(m * (1 + room) - np.eye(n)) * scale / scale[:, None] for m in M])
+        found = linprog(np.ones(n), A_ub=rows, b_ub=np.concatenate([-p * (1 + room) / scale for p in push]),
+                        bounds=[(1e-9, None)] * n)
+        if found.status != 0:
+            return None
+        half = found.x * scale * (1 + 1e-6)
+        if not demands.steady(half):
+            return half
+    return None
 
 
 def check_zonotope(modes, t, cert: dict) -> list[str]:

@@ -231,10 +231,11 @@ class ZonotopeDemands:
     def steady(self, half: Array) -> str:
         """Why half widths (n_x,) are not kept and entered by the hull in every mode; empty where they are."""
         half, out = rational(half), ""
+        n, boxed = len(half), half + self.e + self.chain(half + self.e)  # the sum of a box may be rounded up
         for q, M in enumerate(self.of.M):
-            push = product(abs(M), column(self.e)).ravel() + self.carry(M)
+            moved = product(abs(M), column(boxed)).ravel() * (1 + (n + 1) * self.u) + 2 * n * self.count * self.tiny
             for o in range(len(self.of.gain)):
-                new = push + product(abs(M), column(half)).ravel() + abs(rational(self.z.F[q, o])).sum(axis=1)
+                new = moved + abs(rational(self.z.F[q, o])).sum(axis=1)
                 for i in range(len(half)):
                     if new[i] > half[i] or dot(M[i], half) >= half[i]:
                         out = f'mode "{self.of.modes[q].name}", state {i}, by {float(new[i] - half[i]):.3g}'

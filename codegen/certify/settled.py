@@ -1,8 +1,9 @@
 """Boxes that the reduced error set enters and keeps, in the coordinates in which it is boxed, under a dwell time.
 
 Boxing leaves the row sums b of |B H| as they are, and with M = S B a step of mode p, seen in the coordinates of the
-mode q that follows, obeys ``b+ <= |B_q S_p| (b + inside_p) + |B_q| (what the step adds)``. One box per mode and samples
-that it has lasted (capped at the dwell time), found by a linear program, proved in rationals on the numbers of the C.
+mode q that follows, obeys ``b+ <= |B_q S_p| (b + inside_p + rounding) + |B_q| (what the step adds)``. One box per mode
+and samples that it has lasted (capped at the dwell time), found by a linear program, proved in rationals on the numbers
+of the C.
 """
 
 from __future__ import annotations
@@ -35,14 +36,17 @@ class Boxes:
         unit = rational(np.eye(n))
         self.B = [rational(z.B[q]) if z.oblique else unit for q in modes]
         S = [rational(z.S[q]) if z.oblique else demands.of.M[q] for q in modes]
+        # The sum of a box may be rounded up by as much as ``inside`` allows for rounding it down.
         inside = [rational(z.inside[q]) if z.oblique else demands.e for q in modes]
+        slip = [least - product(abs(B), column(demands.e)).ravel() for least, B in zip(demands.inside(), self.B)]
+        slip = slip or [demands.chain(demands.reach)] * len(t.A)
         self.maps = {(p, q): abs(product(self.B[q], S[p])) for p in modes for q in modes}
         self.added = {}
         for p in modes:
             push = np.max(abs(rational(z.F[p])).sum(axis=2), axis=0) + demands.carry(demands.of.M[p])
             push = push + demands.turn(p, True)
             for q in modes:
-                self.added[p, q] = (product(self.maps[p, q], column(inside[p]))
+                self.added[p, q] = (product(self.maps[p, q], column(inside[p] + slip[p]))
                                     + product(abs(self.B[q]), column(push))).ravel()
         self.mode = [q for q, _ in self.steps.states]
         self.scale = [np.maximum(np.abs(np.array(b, dtype=float)) @ t.limit.astype(float), 1e-300) for b in self.B]

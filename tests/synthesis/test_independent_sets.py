@@ -106,7 +106,7 @@ LEVEL = {"level": ((*C, "level"), 1 - 1e-6, "level"), "P": ((*C, "P"), 1.5, ""),
 
 def spoilt(folder, path, factor, to):
     """A copy with one number of design.json changed."""
-    copy = shutil.copytree(at(folder), to / "copy")
+    copy = shutil.copytree(folder, to / "copy")
     data = json.loads((copy / "design.json").read_text())
     *way, last = path
     place = data
@@ -134,7 +134,7 @@ CASES = [pytest.param(folder, *case, id=f"{folder.name}-{name}") for folder in P
 
 @pytest.mark.parametrize("folder,path,factor,words", CASES)
 def test_refuses_false_claims(folder, path, factor, words, tmp_path):
-    done = run(spoilt(folder, path, factor, tmp_path))
+    done = run(spoilt(at(folder), path, factor, tmp_path))
     assert done.returncode == 1 and done.stderr.startswith("refused: ") and words in done.stderr, done.stderr
 
 

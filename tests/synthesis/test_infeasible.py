@@ -84,7 +84,7 @@ CASES = {
     "mode not known": (
         GOOD + "[switching]\nknown = false\n", "tnl-interval", {},
         'base: method "tnl-interval" does not apply: the mode is not known at run time, expected '
-        "switching.known = true."),
+        "switching.known = true. Method \"mode-set\" finds it."),
     "C switches": (
         SWITCHED_C, "tnl-interval", {},
         'base: method "tnl-interval" does not apply: C differs between modes, so T + N C = I would '
@@ -96,7 +96,7 @@ CASES = {
     "unknown method": (
         GOOD, "sliding", {},
         'base: observer.method is "sliding", expected one of interval, tnl-interval, lpv-interval, '
-        "tnl-interval-lpv, component-interval, zonotope, ellipsoid."),
+        "tnl-interval-lpv, component-interval, zonotope, ellipsoid, hinf-filter, mode-set."),
     "unknown option": (
         GOOD, "interval", {"lamda": 0.5},
         "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, lambda, contraction, "

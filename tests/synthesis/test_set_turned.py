@@ -4,10 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.scripts import GENERATED
 from set_plants import PRINTED62
 
-from codegen.certify import set_claims
+from codegen.certify import set_claims, set_freeze
 from codegen.certify.exact import rational
+from codegen.certify.sets import SetDemands, ZonotopeDemands
+from codegen.certify.settled import Boxes
+from codegen.designs import read_design
 from codegen.errors import CertificateError, DesignError
 from codegen.observers import Supervision, ZonotopeObserver
 from codegen.plant.load import load
@@ -87,6 +91,36 @@ def test_boxes_that_are_not_kept_are_refused(slow):
                     {"steady_box": box | {"half": (0.9 * np.array(box["half"])).tolist()}}):
         with pytest.raises(CertificateError, match="the hull of the error set leaves its box in mode"):
             set_claims.check(plant.modes, t, cert | smaller)
+
+
+def test_boxes_leave_room_for_sums_that_are_rounded_up(slow):
+    """Boxes found as if the sum of a box were never above its exact value do not hold."""
+    plant, _, t, cert = slow
+    demands = ZonotopeDemands(SetDemands(plant.modes, t), t.shape)
+    every, tight = Boxes(t, demands, 6), Boxes(t, demands, 6)
+    assert every.broken(np.array(cert["boxes"]["half"])) is None
+    for (p, q), added in tight.added.items():
+        slip = demands.inside()[p] - (abs(rational(t.shape.B[p])) @ demands.e)
+        tight.added[p, q] = added - tight.maps[p, q] @ slip
+    half = tight.found()
+    assert tight.broken(half) is None and every.broken(half) is not None
+
+
+def test_a_hull_near_its_limit_has_room_for_sums_that_are_rounded_up():
+    """Where the hull is as large as the limit allows, the rounding of products at the limit no longer covers that."""
+    design = read_design(GENERATED[0].parent / "zammali_zonotope_zonotope")
+    t = design.observer.tables["float32"]
+    half = np.array(design.certificate["float32"]["steady_box"]["half"])
+    near = replace(t, limit=(1.01 * half).astype(np.float32))
+    demands = ZonotopeDemands(SetDemands(design.plant.modes, near), near.shape)
+    found = set_freeze.steady_hull(near, demands)
+    assert not demands.steady(found)
+    assert np.all(found < 1.0001 * half) and demands.steady(found * (1 - 2e-5))
+    demands.chain = lambda magnitude: magnitude * 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(set_freeze, "UNIT", {"float32": 0.0})
+        loose = set_freeze.steady_hull(near, demands)
+    assert ZonotopeDemands(SetDemands(design.plant.modes, near), near.shape).steady(loose)
 
 
 def test_where_nothing_is_proved_a_small_order_is_refused():
