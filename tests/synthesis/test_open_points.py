@@ -18,9 +18,9 @@ from codegen.certify.freeze import freeze
 from codegen.observers import FramerTables
 from codegen.pipeline import design as make
 from codegen.plant.load import gallery_names, load
-from codegen.synthesis import METHODS
 from codegen.plant.simulate import told
 from codegen.select import limits
+from codegen.synthesis import METHODS
 
 
 def tables_for(plant, design):
@@ -58,7 +58,7 @@ POINTS = {
     "a mode told one sample late, the last mode believed": (
         lambda p: p.switching.late, lambda d: alone(d, lambda last, now: last)),
 }
-PLANTS = [p for p in map(load, gallery_names()) if p.method is None or METHODS[p.method].framers]
+PLANTS = [p for p in map(load, gallery_names()) if not p.method or METHODS[p.method].framers]
 CASES = [(point, p.name) for point, (has, _) in POINTS.items() for p in PLANTS if has(p)]
 _DONE = {}
 

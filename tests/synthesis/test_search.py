@@ -138,7 +138,16 @@ def test_thresholds_of_all_channels_are_those_of_each(name, calls):
     assert np.array_equal(*np.split(every, 2, axis=2))
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [name for name, entry in METHODS.items() if not (entry.framers or entry.sets)])
+def test_progress_names_what_is_solved(method):
+    """Methods without a search over candidates: what is being solved or certified, the method's name first."""
+    plant = next(p for p in map(load, gallery_names()) if p.method == method)
+    said = []
+    pipeline.design(plant, method, said.append)
+    assert said and all(line.startswith(f"{method}: ") for line in said)
+
+
+@pytest.mark.parametrize("method", [name for name, entry in METHODS.items() if entry.framers or entry.sets])
 def test_progress_says_how_far_each_search_is(method):
     """Every line names the method; every search counts to its end; what is certified so far is told."""
     names = ["relay", *gallery_names()]
