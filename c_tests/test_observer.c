@@ -291,15 +291,19 @@ static int a_bad_sensor_for_ever_stays_bounded(void)
 static int spoilt_counts(void)
 {
 #if CASE_N_COUNTS > 0
-    for (uint32_t n = 0U; n < (CASE_N_COUNTS * 3U * M(MODES)); n++)
+    for (uint32_t n = 0U; n < (CASE_N_COUNTS * 3U * M(MODES) * 2U); n++)
     {
         bench b;
         uint32_t *counts[] = CASE_COUNTS(&b.s);
 
         start(&b);
-        CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
+        for (uint32_t k = 0U; k <= (2U * (n / (CASE_N_COUNTS * 3U * M(MODES)))); k++) /* at once, and on the way */
+        {
+            CHECK(measure_quietly(&b) != 0);
+            CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
+        }
         b.s.phase = (n / CASE_N_COUNTS) % 3U;
-        b.in.mode = n / (3U * CASE_N_COUNTS);
+        b.in.mode = (n / (3U * CASE_N_COUNTS)) % M(MODES);
         *counts[n % CASE_N_COUNTS] = 0xFFFFFFFEU;
         for (uint32_t call = 0U; call < 3U; call++)
         {
@@ -314,9 +318,41 @@ static int spoilt_counts(void)
     return 0;
 }
 
+/* Stays of every mode in turn, long and short, from init and from reset: the bounds settle, and hold for ever. */
+static int counts_run_on(void)
+{
+#if CASE_N_COUNTS > 0
+    for (uint32_t n = 0U; n < 4U; n++)
+    {
+        const uint32_t stay = ((n % 2U) != 0U) ? 40U : 9U;
+        T(real) before[M(MODES)] = { 0 };
+        bench b;
+
+        start(&b);
+        if (n > 1U)
+        {
+            T(reset)(&b.s);
+        }
+        for (uint32_t k = 0U; k < (stay * 80U); k++)
+        {
+            b.in.mode = (k / stay) % M(MODES);
+            CHECK(measure_quietly(&b) != 0);
+            CHECK((T(step)(&b.s, &b.in, &b.out) == M(OK)) && (b.out.raw == 0U));
+            if ((k % stay) == (stay - 1U))
+            {
+                CHECK((k < (stay * 72U)) || (M(MODES) > 8U) || (b.out.r_bound[0] <= before[b.in.mode]));
+                before[b.in.mode] = b.out.r_bound[0];
+            }
+        }
+    }
+#endif
+    return 0;
+}
+
 int main(void)
 {
     RUN(spoilt_counts);
+    RUN(counts_run_on);
     RUN(state_has_no_padding);
     RUN(init_writes_every_byte);
     RUN(a_measurement_in_the_middle_is_quiet);

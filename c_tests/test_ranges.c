@@ -222,12 +222,14 @@ static int init_and_reset_boxes(void)
 /* An estimate far off is brought back: into a box of some ranges about zero. */
 static int framers_are_cut(void)
 {
-    for (uint32_t n = 0U; n < (M(MODES) * 2U); n++)
+    for (uint32_t n = 0U; n < (M(MODES) * 6U); n++)
     {
         bench b;
 
         start(&b);
-        *told(&b.in) = n / 2U;
+        CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
+        *told(&b.in) = (n / 2U) % M(MODES);
+        b.s.phase = n / (2U * M(MODES)); /* as it is, to be moved without or with its measurement */
         for (uint32_t i = 0U; i < M(NX); i++)
         {
             b.s.x_hat[i] = (((n % 2U) != 0U) ? 1 : -1) * ((x_hi[i] - x_lo[i]) * 1000000);
@@ -246,12 +248,17 @@ static int framers_are_cut(void)
 static int framers_at_the_ends(void)
 {
 #if CASE_HAS_SHAPE
-    for (uint32_t n = 0U; n < M(NSHAPE); n++)
+    for (uint32_t n = 0U; n < (M(NSHAPE) * 2U); n++)
     {
         bench b;
 
         start(&b);
-        b.s.shape[n] = ((n % 2U) != 0U) ? not_a_number() : huge();
+        for (uint32_t k = 0U; (n >= M(NSHAPE)) && (k < 3U); k++) /* under way, and the mode changes */
+        {
+            *told(&b.in) = (k / 2U) % M(MODES);
+            CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
+        }
+        b.s.shape[n % M(NSHAPE)] = ((n % 2U) != 0U) ? not_a_number() : huge();
         CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
         CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK)); /* by now the whole set is spoilt, if it is not mended */
         for (uint32_t i = 0U; i < M(NX); i++)
