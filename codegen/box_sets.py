@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 from scipy.optimize import minimize
 
 from .certify.boxes import freeze_box
 from .certify.order import patterns
-from .certify.set_freeze import freeze_estimate
 from .errors import DesignError
 from .observers import BoxObserver, BoxTables, PointTables
 from .plant.model import Plant
-from .set_simulation import settled, simulated
+from .set_simulation import STEPS, estimate, half_widths, settled, simulated
 
 Array = np.ndarray
-STEPS = 60
 #: Of coordinates; beyond it the box of a box is larger than what is won.
 WORST_CONDITION = 1e4
 
 
 def with_box(plant: Plant, gains: dict, real: str) -> PointTables:
     """Tables with a box, before anything is certified."""
-    modes = plant.observed.modes
-    limits = {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
-    estimate = freeze_estimate(modes, limits, gains, gains["limit"], real)
-    return PointTables(**estimate, shape=freeze_box(
-        BoxTables, modes, SimpleNamespace(**estimate), np.array(gains["coordinates"])))
+    t = estimate(plant, gains, real)
+    return PointTables(**vars(t), shape=freeze_box(BoxTables, plant.observed.modes, t, np.array(gains["coordinates"])))
 
 
 def boxed(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
@@ -52,7 +45,7 @@ def boxed(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     DesignError
         The box grows without bound.
     """
-    half = np.max([(plant.limits("x")[1] - plant.limits("x")[0]) / 2, (plant.x0_hi - plant.x0_lo) / 2], axis=0)
+    half = half_widths(plant)
     paths = np.array(patterns(plant.n_modes, dwell, STEPS))
     M = error_matrices(plant, gains)
     for found in (lambda: np.eye(plant.n_x), lambda: turning(M, half)):

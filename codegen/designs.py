@@ -12,6 +12,7 @@ from . import __version__, filter_designs
 from .analysis.detectability import surely_detected
 from .certify import mode_certificate, set_claims
 from .certify.claims import check, check_monitor, check_ranges, digest
+from .certify.freeze import limits
 from .errors import CertificateError, PlantError, ResiduaError
 from .observers import FAMILIES, FilterTables, ModeTables, PointTables, Runner, Supervision
 from .plant.load import loads
@@ -208,11 +209,10 @@ def recheck(design: Design) -> dict[str, list[str]]:
     CertificateError
     """
     plant, proved = design.plant, {}
-    limits = {"x": plant.limits("x"), "x0": (plant.x0_lo, plant.x0_hi)}
     for real, t in design.observer.tables.items():
         cert = design.certificate[real]
         proved[real] = claims_of(plant, t, cert)
-        check_ranges(limits, t)
+        check_ranges(limits(plant), t)
         check_monitor(design.observer.supervision, cert)
         if proved[real] != design.proved[real]:
             raise CertificateError(f"certificate: the {real} claims of the file are not what is proved. Design again.")

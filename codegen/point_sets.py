@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 
 from .algebra.bases import bases
@@ -14,7 +12,7 @@ from .certify import thresholds
 from .certify.ellipsoids import freeze_ellipsoid
 from .certify.order import patterns
 from .certify.reduction import box_certificate, every_sample
-from .certify.set_freeze import freeze_estimate, freeze_zonotope
+from .certify.set_freeze import freeze_zonotope
 from .errors import DesignError
 from .observers import (
     EllipsoidObserver,
@@ -28,7 +26,7 @@ from .observers import (
 from .observers.ellipsoid import sandwich
 from .observers.zonotope import set_work
 from .plant.model import Plant
-from .set_simulation import settled, simulated
+from .set_simulation import STEPS, estimate, half_widths, settled, simulated
 from .trace_sets import traced
 
 Array = np.ndarray
@@ -36,7 +34,6 @@ Array = np.ndarray
 ORDER_MARGIN = 1.05  # widths over those of a large order
 MOST_COLUMNS = 24  # generators of the largest order that is tried without being asked for
 MOST_WORK = 8000  # multiplications per sample up to which membership of three residuals is exact without being asked
-STEPS = 60
 WEIGHTS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.5, 5.0, 10.0)  # 1 + alpha of an ellipsoid's step
 ROWS = (4, 8, 16, 32)  # of a table of thresholds
 STAGES = (3, 5, 8, 12, 20, 32)
@@ -46,11 +43,9 @@ TABLE_MARGIN = 1.1  # last thresholds over those that no number of stages leads 
 def draft(plant: Plant, gains: dict, order: int, limit: Array, real: str, directions: Array, pairs: bool = False,
           key: str = "squared", coordinates: Array | None = None) -> PointTables:
     """Tables with a sound set of that order, before anything is certified."""
-    modes = plant.observed.modes
-    limits = {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
-    estimate = freeze_estimate(modes, limits, gains, limit, real)
-    return PointTables(**estimate, shape=freeze_zonotope(ZonotopeTables, modes, estimate, order, directions, pairs, key,
-                                                             coordinates))
+    t = estimate(plant, gains, real, limit)
+    return PointTables(**vars(t), shape=freeze_zonotope(
+        ZonotopeTables, plant.observed.modes, vars(t), order, directions, pairs, key, coordinates))
 
 
 def sized(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
@@ -76,7 +71,7 @@ def sized(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     DesignError
         The set grows without bound at this order, or at every order tried.
     """
-    half = np.max([(plant.limits("x")[1] - plant.limits("x")[0]) / 2, (plant.x0_hi - plant.x0_lo) / 2], axis=0)
+    half = half_widths(plant)
     paths = np.array(patterns(plant.n_modes, dwell, STEPS))
     none = np.zeros((0, plant.n_y))
 
@@ -216,9 +211,7 @@ def with_table(plant: Plant, gains: dict, real: str) -> tuple[PointTables, tuple
         The errors grow without bound under this dwell time.
     """
     modes = plant.observed.modes
-    limits = {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
-    estimate = freeze_estimate(modes, limits, gains, gains["limit"], real)
-    t = SimpleNamespace(**estimate)
+    t = estimate(plant, gains, real)
     m, (first, anywhere) = thresholds.recursion(modes, t), thresholds.starts(t)
     emitted = gains["directions"].astype(real)
     rows = thresholds.directions_of(t, emitted.astype(float))
@@ -228,7 +221,7 @@ def with_table(plant: Plant, gains: dict, real: str) -> tuple[PointTables, tuple
     except DesignError as error:
         raise DesignError(f"{plant.name}: {error}") from None
     shape = thresholds.freeze_thresholds(ThresholdTables, t, main, begin, emitted)
-    return PointTables(**estimate, shape=shape), (main, begin)
+    return PointTables(**vars(t), shape=shape), (main, begin)
 
 
 def weighted(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
@@ -254,7 +247,7 @@ def weighted(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     """
     if options.get("weights") == "trace":
         return aimed(plant, gains, traced(plant, gains, dwell))
-    half = np.max([(plant.limits("x")[1] - plant.limits("x")[0]) / 2, (plant.x0_hi - plant.x0_lo) / 2], axis=0)
+    half = half_widths(plant)
     paths, found = np.array(patterns(plant.n_modes, dwell, STEPS)), None
     base = {"set": "ellipsoid", "limit": 8 * np.sqrt(plant.n_x) * half, "directions": np.zeros((0, plant.n_y)),
             "steady": {"x": half, "x_most": half, "y": np.ones(plant.n_y), "y_most": np.ones(plant.n_y)}}
@@ -303,11 +296,10 @@ def followed(t: PointTables, half: Array, paths: Array) -> tuple[Array, Array]:
 
 def with_ellipsoid(plant: Plant, gains: dict, real: str) -> PointTables:
     """Tables with an ellipsoid, before anything is certified."""
-    modes = plant.observed.modes
-    limits = {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
-    estimate = freeze_estimate(modes, limits, gains, gains["limit"], real)
-    return PointTables(**estimate, shape=freeze_ellipsoid(
-        EllipsoidTables, modes, estimate, gains["alpha"], gains["beta"], gains["steady"], gains["directions"]))
+    t = estimate(plant, gains, real)
+    return PointTables(**vars(t), shape=freeze_ellipsoid(
+        EllipsoidTables, plant.observed.modes, vars(t), gains["alpha"], gains["beta"], gains["steady"],
+        gains["directions"]))
 
 
 def directions(plant: Plant, t: PointTables, gains: dict) -> Array:

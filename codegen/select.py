@@ -12,7 +12,7 @@ from .algebra.dwell import ratio, shortest
 from .analysis.detectability import SureFault, limited, surely_detected
 from .analysis.quick import QuickJudge
 from .certify.claims import prove, ultimate_width
-from .certify.freeze import freeze
+from .certify.freeze import freeze, limits
 from .designs import Design, claims_of
 from .errors import CertificateError, DesignError
 from .observers import FAMILIES, FramerTables, Supervision
@@ -70,11 +70,6 @@ class Trial:
 def finite(x: float) -> float | None:
     """JSON has no infinity: None stands for it."""
     return float(x) if np.isfinite(x) else None
-
-
-def limits(plant: Plant) -> dict:
-    """Declared ranges and initial box, as ``certify.freeze`` wants them."""
-    return {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
 
 
 def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple:

@@ -1,12 +1,32 @@
-"""Mode sequences through the set of a point observer: how wide the bounds of x become, and whether they settle."""
+"""What the choice of every set begins with: the estimate in a number type, and mode sequences through the set.
+
+Of these, how wide the bounds of x become, and whether they settle.
+"""
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 
+from .certify.freeze import limits
+from .certify.set_freeze import freeze_estimate
 from .observers import PointTables, Supervision
+from .plant.model import Plant
 
 Array = np.ndarray
+STEPS = 60  # of a mode sequence
+
+
+def estimate(plant: Plant, gains: dict, real: str, limit: Array | None = None) -> SimpleNamespace:
+    """Tables of the estimate alone; ``limit`` of its set, else that of the gains."""
+    limit = gains["limit"] if limit is None else limit
+    return SimpleNamespace(**freeze_estimate(plant.observed.modes, limits(plant), gains, limit, real))
+
+
+def half_widths(plant: Plant) -> Array:
+    """Half widths of declared range or initial box, whichever is wider, (n_x,)."""
+    return np.max([(plant.limits("x")[1] - plant.limits("x")[0]) / 2, (plant.x0_hi - plant.x0_lo) / 2], axis=0)
 
 
 def simulated(t: PointTables, half: Array, paths: Array, observer: type) -> Array:

@@ -11,11 +11,11 @@ from .analysis.set_blocks import block_table
 from .analysis.set_schedule import PhaseTable, phase_table
 from .certify import blocks, schedules, thresholds
 from .certify.order import patterns
-from .certify.set_freeze import freeze_estimate
 from .errors import DesignError
 from .observers import BlockObserver, BlockTables, PointTables, ScheduleTables, Supervision
 from .plant.model import Plant
-from .point_sets import MOST_COLUMNS, ROWS, STEPS, TABLE_MARGIN, compared, settled, with_table
+from .point_sets import MOST_COLUMNS, ROWS, TABLE_MARGIN, compared, with_table
+from .set_simulation import STEPS, estimate, settled
 
 Array = np.ndarray
 #: Samples of a block that are tried.
@@ -197,12 +197,6 @@ def with_blocks(plant: Plant, gains: dict, real: str) -> tuple[PointTables, tupl
     t, _, table = blocks_of(plant, gains, gains["order"], gains["rows"], real)
     shape = blocks.freeze_blocks(BlockTables, plant.observed.modes, t, table, gains["order"], gains["most"])
     return PointTables(**vars(t), shape=shape), (plant.observed.modes,)
-
-
-def estimate(plant: Plant, gains: dict, real: str) -> SimpleNamespace:
-    """Tables of the estimate alone."""
-    limits = {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
-    return SimpleNamespace(**freeze_estimate(plant.observed.modes, limits, gains, gains["limit"], real))
 
 
 #: How the set of each kind is sized.

@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 
 from .certify import trace_ellipsoids
 from .certify.order import patterns
-from .certify.set_freeze import freeze_estimate
 from .errors import DesignError
 from .observers import EllipsoidTraceObserver, PointTables, Supervision, TraceTables
 from .plant.model import Plant
-from .set_simulation import settled, simulated
+from .set_simulation import STEPS, estimate, half_widths, settled, simulated
 
 Array = np.ndarray
-STEPS = 60
 #: A trace that shrinks by less in each mode is worth a search for better units.
 SHRINKS = 0.98
 
 
 def with_trace(plant: Plant, gains: dict, real: str) -> PointTables:
     """Tables with an ellipsoid of least trace, before anything is certified."""
-    modes = plant.observed.modes
-    limits = {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
-    estimate = freeze_estimate(modes, limits, gains, gains["limit"], real)
-    return PointTables(**estimate, shape=trace_ellipsoids.freeze(
-        TraceTables, modes, SimpleNamespace(**estimate), *(np.array(w) for w in gains["weights"]), gains["directions"]))
+    t = estimate(plant, gains, real)
+    return PointTables(**vars(t), shape=trace_ellipsoids.freeze(
+        TraceTables, plant.observed.modes, t, *(np.array(w) for w in gains["weights"]), gains["directions"]))
 
 
 def traced(plant: Plant, gains: dict, dwell: int) -> dict:
@@ -53,7 +47,7 @@ def traced(plant: Plant, gains: dict, dwell: int) -> dict:
     DesignError
         The ellipsoid grows without bound.
     """
-    half = np.max([(plant.limits("x")[1] - plant.limits("x")[0]) / 2, (plant.x0_hi - plant.x0_lo) / 2], axis=0)
+    half = half_widths(plant)
     paths = np.array(patterns(plant.n_modes, dwell, STEPS))
     chosen = {"set": "ellipsoid_trace", "limit": 8 * np.sqrt(plant.n_x) * half,
               "directions": np.zeros((0, plant.n_y)), "weights": (trace_ellipsoids.powers(half), np.ones(plant.n_y))}

@@ -29,6 +29,11 @@ def nearest(array: Array, real: str) -> Array:
     return np.array(flat, dtype=np.float64).reshape(array.shape).astype(real)
 
 
+def limits(plant) -> dict:
+    """Declared ranges and initial box of a plant: "x", "u", "y", "x0", each (lo, hi)."""
+    return {k: plant.limits(k) for k in ("x", "u", "y")} | {"x0": (plant.x0_lo, plant.x0_hi)}
+
+
 def freeze(tables_class, modes, limits: dict, gains: dict, real: str):
     """Build the tables of an interval observer.
 
