@@ -9,9 +9,8 @@ import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
 from .analysis.worst_sequence import worst_run
-from .certify import filter_bounds
+from .certify import filter_bounds, switched_gain
 from .certify.exact import Q, up
-from .certify.switched_gain import check_gain
 from .errors import CertificateError
 from .filter_tables import frozen
 from .filters import certify_proposal, propose
@@ -86,6 +85,24 @@ def start_of(problem, gains) -> dict:
     return {"P": [np.linalg.inv((reach + reach.T) / 2)] * len(problem.switching.mode)}
 
 
+def inequalities(plant: Plant, t: FilterTables, cert: dict) -> Iterator[tuple]:
+    """The matrices of the level, on the numbers of the C (``switched_gain.inequalities``)."""
+    return switched_gain.inequalities(*_problem(plant, t), cert["energy"])
+
+
+def demands(plant: Plant, t: FilterTables, cert: dict) -> Iterator[filter_bounds.Demand]:
+    """The conditions of the thresholds (``filter_bounds.demands``)."""
+    graph = filter_bounds.Graph.of(stated(plant, plant.options)[0].switching)
+    return filter_bounds.demands(plant.observed.modes, t, graph, cert["set_of_both"], (plant.x0_lo, plant.x0_hi))
+
+
+def _problem(plant: Plant, t: FilterTables) -> tuple:
+    """Modes, names, switching and gains, as ``switched_gain`` takes them."""
+    problem, units = stated(plant, plant.options)
+    gains = units.gains({k: getattr(t, k) for k in ("M", "L", "G", "K", "Dy", "Du")})
+    return problem.modes, problem.names, problem.switching, gains
+
+
 def check(plant: Plant, t: FilterTables, cert: dict) -> list[str]:
     """Re-check a certificate in exact arithmetic; return what is proved, one sentence per claim.
 
@@ -94,16 +111,15 @@ def check(plant: Plant, t: FilterTables, cert: dict) -> list[str]:
     CertificateError
         Naming mode, row or edge that fails.
     """
-    problem, units = stated(plant, plant.options)
-    if tuple(problem.switching.dwell) != tuple(cert[f"dwell_{k}"] for k in ("add", "drain", "limit")):
+    problem = _problem(plant, t)
+    if tuple(problem[2].dwell) != tuple(cert[f"dwell_{k}"] for k in ("add", "drain", "limit")):
         raise CertificateError("certificate: the dwell time is not that of the plant file. Design again.")
-    constants = {k: getattr(t, k) for k in ("M", "L", "G", "K", "Dy", "Du")}
-    level2 = check_gain(problem.modes, problem.names, problem.switching, units.gains(constants), cert["energy"])
+    level2 = switched_gain.check_gain(*problem, cert["energy"])
     if Q(cert["level"]) * Q(cert["level"]) < level2:
         raise CertificateError(f"certificate: the level {cert['level']:.6g} (found) is below the proved "
                                f"{up(level2) ** 0.5:.6g}.")
-    filter_bounds.check(plant.observed.modes, t, filter_bounds.Graph.of(problem.switching), cert["set_of_both"],
-                        (plant.x0_lo, plant.x0_hi))
+    for demand in demands(plant, t, cert):
+        demand.require()
     return sentences(plant, t, cert)
 
 

@@ -15,7 +15,7 @@ from ..analysis.detectability import surely_detected
 from ..certify import claims as certificate
 from ..certify import containment, criteria, freeze
 from ..errors import CertificateError
-from . import margins, point_claims
+from . import filter_claims, margins, point_claims
 from .margins import Margin
 
 GAINS = ("M", "G", "L", "N", "d")
@@ -24,6 +24,8 @@ RADII = ("R", "S", "E")
 THETA = ("signals.theta", "mode.bounds")
 EXACT = ("exact", "independent", "read-back")
 MATRICES = ("A", "B", "C", "D", "Bw", "Dv")
+#: Families whose certificate has claims of its own.
+OWN = {"filter": filter_claims}
 PLANT = (*MATRICES, "signals.x", "signals.u", "signals.y", "signals.w", "signals.v", "mode.bounds", "constants")
 
 
@@ -79,14 +81,16 @@ def claims(design, real: str) -> list[Claim]:
     """
     t, cert, modes = design.observer.tables[real], design.certificate[real], design.plant.observed.modes
     out, point = [], hasattr(t, "shape")
+    own = OWN.get(design.observer.family)
     made = point_claims.of_certificate(design, t, cert, modes, Claim, PLANT, EXACT) if point else (
-        _of_certificate(design, t, cert, modes))
+        own.of_certificate(design, t, cert, Claim, PLANT, EXACT) if own else _of_certificate(design, t, cert, modes))
     for (begins, make), sentence in zip_longest(made, design.claims(real), fillvalue=("no other", None)):
         if make is None or not isinstance(sentence, str) or not sentence.startswith(begins):
             raise CertificateError(f"assurance: no condition is known for the claim {sentence!r} (expected one that "
                                    f"begins with {begins!r}). Add it to codegen/assurance/claims.py.")
         out.append(_held(make(sentence)))
-    start = point_claims.ranges(design, t, Claim, EXACT) if point else _ranges(design, t)
+    start = point_claims.ranges(design, t, Claim, EXACT) if point else (
+        own.ranges(design, t, cert, Claim, EXACT) if own else _ranges(design, t))
     others = [start, *_parameters(t, modes), *_monitor(design, cert)]
     return [*out, *map(_held, others), *_detection(design, t, cert, real), *_of_the_c()]
 
@@ -216,6 +220,7 @@ def _monitor(design, cert) -> list[Claim]:
 
 def _detection(design, t, cert, real) -> list[Claim]:
     """One claim per fault channel: the size from which a step is found, last delay."""
+    seen, constants = getattr(OWN.get(design.observer.family), "SEEN", ("output", (*GAINS, "C", "D", "c")))
     stored = design.detection[real]
     within = max((len(f["by_delay"]) - 1 for f in stored), default=0)
     out = []
@@ -230,12 +235,12 @@ def _detection(design, t, cert, real) -> list[Claim]:
             f"{_when(old['by_delay'].index(size))}")
         conditional = t.vary is not None and acts_on_state(design.plant, fault.channel)
         out.append(Claim(f"detection-{fault.channel}", text, (*PLANT, "Bf", "Df", "signals.f", *_timed(design)),
-                         "For every admissible mode sequence, disturbance and noise, some output leaves its bounds"
+                         f"For every admissible mode sequence, disturbance and noise, some {seen} leaves its bounds"
                          + (", as long as no state bound is on the far end of its declared range (x_hi on the least, "
                             "x_lo on the largest value)." if conditional else "."),
-                         "size > sup r_i / |response_i| for an output i, worst over sequences (double precision, a "
+                         f"size > sup r_i / |response_i| for an {seen} i, worst over sequences (double precision, a "
                          "part in a million added)", _own(inspect.getmodule(surely_detected)),
-                         _code(surely_detected), (*GAINS, "C", "D", "c"), (),
+                         _code(surely_detected), constants, (),
                          ("detection", "read-back", "validation")))
     return out
 

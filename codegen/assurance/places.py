@@ -15,12 +15,14 @@ from ..emit import families, point_parts, view
 from ..emit.maps import MapSpec, Names
 from ..emit.varying import Varying
 from ..errors import CertificateError
+from . import own_places
 from .c_reader import Source, apart, read, walk
 from .point_places import read_sets
 from .read_varying import read_varying
 from .symbolic import NOWHERE, Affine, Coefficient, Machine
 
 SIDES = ("lo", "hi")
+NOTHING = "zero"  # the offset of a map that has none
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,10 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
                   tuple(m.name for m in d.modes))
     source, found = read(d.prefix, text, header), _Found()
     try:
-        specs = point_parts.maps(t, names, d.x, d.y) if d.sets else _maps(design.observer.family, t, names, d)
+        family, whole = design.observer.family, bool(d.sets)
+        points = hasattr(t, "shape")
+        specs = (point_parts.maps(t, names, d.x, d.y) if points else own_places.maps(family, t, names, d) if whole
+                 else _maps(family, t, names, d))
         for spec in specs:
             for q, mode in enumerate(names.modes):
                 if isinstance(spec, Varying):
@@ -80,9 +85,13 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
                 else:
                     _read_map(source, spec, q, mode, found)
         _read_checks(source, d, names.modes, t, found)
-        if d.sets:
+        if whole:
             apart = {f for f in source.functions if f.startswith(tuple(spec.name for spec in specs))}
-            read_sets(source, design, d, t, apart | {c.name for c in d.checks} | {f"{d.prefix}_cut"}, found)
+            apart |= {c.name for c in d.checks}
+            if points:
+                read_sets(source, design, d, t, apart | {f"{d.prefix}_cut"}, found)
+            else:
+                own_places.read_own(source, design, d, t, apart, found)
         else:
             _read_ranges(source, d, t, found)
         _read_dwell(source, d.prefix, design.observer.supervision, found)
@@ -123,7 +132,7 @@ class _Found:
 
     def constants(self) -> tuple[Constant, ...]:
         """Return what was found, in the order in which it was read."""
-        return tuple(Constant(*key, tuple(group.values())) for key, group in self.entries.items())
+        return tuple(Constant(*key, tuple(group.values())) for key, group in self.entries.items() if key[0] != NOTHING)
 
 
 def _read_map(source: Source, spec: MapSpec, q: int, mode: str, found: _Found) -> None:

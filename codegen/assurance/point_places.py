@@ -58,18 +58,46 @@ def read_sets(source: Source, design, d, t, read_apart: set[str], found) -> None
     _read_cut(source, d.prefix, t, found)
     modes, seen = [m.name for m in design.plant.modes], {"box", "x_hat", "x0_hat"}
     starts = {f"{d.prefix}_{name}" for name in ("init", "whole_range")}
+    read_tables(source, d.real, known, modes, read_apart, starts, seen, found)
+    require_all(source, known, seen | READ_BY_MAPS | TOGETHER | getattr(t.shape, "unprinted", set()))
+
+
+def read_tables(source: Source, real: str, known: dict, modes: list[str], read_apart: set[str], starts: set[str],
+                seen: set[str], found) -> None:
+    """Read every table and number of the functions that are not read elsewhere.
+
+    Parameters
+    ----------
+    source : Source
+        Its tree is that of the C as it must be.
+    real : {"float32", "float64"}
+    known : dict
+        Name -> numbers of the tables.
+    modes : list of str
+    read_apart : set of str
+        Functions that are read elsewhere, starts whose single numbers are.
+    starts : set of str
+    seen : set of str
+        Names found so far; those found here are added.
+    found : object
+
+    Raises
+    ------
+    CertificateError
+        A table or number is none of ``known``.
+    """
     for function, definition in source.functions.items():
         if function in read_apart:
             continue
         inside: set[int] = set()
         for node in walk(definition.body):
             if isinstance(node, c_ast.Decl) and isinstance(node.init, c_ast.InitList) and "static" in node.storage:
-                if not any(_numbers(node, d.real, set())):
+                if not any(_numbers(node, real, set())):
                     continue  # whole numbers: the tree is that of the C as it is printed anew
                 inside |= {id(n) for n in walk(node)}
                 order = {k: known[k] for k in sorted(known, key=lambda k: (k != node.name, k in seen))}
-                seen |= _match(source, function, node, order, modes, d.real, found)
-        for c in () if function in starts else _numbers(definition.body, d.real, inside):
+                seen |= _match(source, function, node, order, modes, real, found)
+        for c in () if function in starts else _numbers(definition.body, real, inside):
             name = next((k for k, v in known.items() if v.size == 1 and v.ndim == 0 and c.value
                          and Fraction(float(v)) == c.value), "")
             if name:
@@ -78,8 +106,16 @@ def read_sets(source: Source, design, d, t, read_apart: set[str], found) -> None
             elif c.value not in FORMULA:
                 raise CertificateError(f"{source.name}:{c.line}: {function} has {c.literal}, no number of the tables "
                                        "(expected none). Print it again.")
-    apart = getattr(t.shape, "unprinted", set())
-    missing = [k for k, v in known.items() if np.any(v) and k not in seen | READ_BY_MAPS | TOGETHER | apart]
+
+
+def require_all(source: Source, known: dict, seen: set[str]) -> None:
+    """Refuse where numbers of the tables were not found in the C.
+
+    Raises
+    ------
+    CertificateError
+    """
+    missing = [k for k, v in known.items() if np.any(v) and k not in seen]
     if missing:
         raise CertificateError(f"{source.name}: does not hold {', '.join(missing)} of the tables (expected every one). "
                                "Print it again.")
@@ -177,13 +213,15 @@ def _match(source: Source, function: str, node: Node, known: dict, modes: list[s
 
 
 #: Fields whose first axis is the mode: the document gives them mode by mode.
-MODE_FIRST = {*"MACVHPS", "F", "Fb", "Hb", "rho", "k", "kb", "kr", "Pb", "gb", "powers", "rows"}
+MODE_FIRST = {*"MACVHPS", "F", "Fb", "Hb", "rho", "k", "kb", "kr", "Pb", "gb", "powers", "rows", "Phi", "Gamma", "shift",
+              "reach"}
 
 
 def _orders(value: Array) -> Iterator[Array]:
     """The orders in which a field may be printed.
 
-    Its own, the directions beyond the outputs, column after column, or of symmetric matrices the lower triangles.
+    Its own, the directions beyond the outputs, column after column, of symmetric matrices the lower triangles, of pairs of
+    modes those of two different ones.
     """
     at = np.arange(value.size).reshape(value.shape)
     yield at.ravel()
@@ -191,6 +229,8 @@ def _orders(value: Array) -> Iterator[Array]:
         yield at[value.shape[1]:].ravel()  # the first directions are the outputs themselves
     if value.ndim >= 3 and value.shape[-2] == value.shape[-1] and np.array_equal(value, value.swapaxes(-2, -1)):
         yield at[(..., *np.tril_indices(value.shape[-1]))].ravel()
+    if value.ndim >= 3 and value.shape[0] == value.shape[1]:
+        yield at[~np.eye(len(value), dtype=bool)].ravel()
     if value.ndim >= 4:
         yield at.swapaxes(-2, -1).ravel()
         yield at.swapaxes(0, 1).ravel()  # mode by mode, in each the origins

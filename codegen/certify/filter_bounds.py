@@ -12,6 +12,7 @@ the one before, and every threshold holds the estimate. What the combinations ar
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -198,8 +199,35 @@ def table(found: Maps, graph: Graph, b: Array, first: Array, most: int) -> list[
     return rows
 
 
-def check(modes, t, graph: Graph, cert: dict, x0: tuple[Array, Array]) -> None:
-    """Check all thresholds of a table.
+@dataclass(frozen=True)
+class Demand:
+    """One condition of the table: ``needed`` is at most ``given`` (where ``strict`` less), entry by entry.
+
+    ``says`` makes the refusal's sentence of an index and of what is needed there.
+    """
+
+    what: str
+    when: str
+    needed: Array
+    given: Array
+    says: Callable[[tuple, Array], str]
+    strict: bool = False
+
+    def require(self) -> None:
+        """Refuse where it does not hold.
+
+        Raises
+        ------
+        CertificateError
+        """
+        wrong = ~(self.needed < self.given) if self.strict else ~(self.needed <= self.given)
+        if np.any(wrong):
+            at = np.unravel_index(np.argmax(np.where(wrong, self.needed - self.given, -np.inf)), wrong.shape)
+            raise CertificateError(f"certificate: {self.says(at, self.needed)}")
+
+
+def demands(modes, t, graph: Graph, cert: dict, x0: tuple[Array, Array]) -> Iterator[Demand]:
+    """All conditions of a table of thresholds; each rests on those before it.
 
     Parameters
     ----------
@@ -212,52 +240,63 @@ def check(modes, t, graph: Graph, cert: dict, x0: tuple[Array, Array]) -> None:
     x0 : (ndarray (n_x,), ndarray (n_x,))
         The initial box.
 
+    Yields
+    ------
+    Demand
+        "kept", "start", "threshold" or "limit".
+
     Raises
     ------
     CertificateError
-        Naming the row and mode that fail.
+        The certificate is of another shape, or bounds do not come down to the last.
     """
     n_s, n_x = len(t.limit), len(t.x_lo)
     found, b, rows = maps(joint(modes, t), cert, n_s), np.array(cert["bounds"], dtype=float), np.array(cert["rows"])
     if b.shape != (len(graph.mode), len(rows)) or not np.all(b >= 0):
         raise CertificateError(f"certificate: bounds of shape {b.shape} (found), expected {len(graph.mode)} nodes of "
                                f"{len(rows)} bounds that are not negative.")
-    over = found.after(graph, b) - b
-    if np.any(over > 0):
-        a, i = np.unravel_index(np.argmax(over), over.shape)
-        raise CertificateError(f"certificate: the set of plant and filter is not kept: row {i} at node {a} exceeds its "
-                               f"bound by {over[a, i]:.3g}.")
+    yield Demand("kept", "a sample later", found.after(graph, b), b, lambda at, needed: (
+        f"the set of plant and filter is not kept: row {at[1]} at node {at[0]} exceeds its bound by "
+        f"{needed[at] - b[at]:.3g}."))
     initial, declared = boxes(t, *x0)
     first, whole = (np.tile(supports(rows, half), (len(b), 1)) for half in (initial, anywhere(t, declared)))
     last = t.h.shape[0] - 1
     if not 0 <= t.lost <= last or not 0 <= t.shift < 16 or t.start not in (0, t.lost, last):
         raise CertificateError(f"certificate: the table of {last + 1} rows starts at {t.start} and {t.lost}.")
-    if t.start == last and np.any(first > b):
-        raise CertificateError("certificate: the initial box is not within the last bounds.")
     late = (b @ found.lost.T) * RAISE
-    if t.start == t.lost and np.any(first > late):
-        raise CertificateError("certificate: the initial box is not within the bounds after a lost sample.")
-    if np.any(first > whole):
-        raise CertificateError("certificate: the initial box is not within the declared range.")
+    for begins, bounds, words in ((last, b, "last bounds"), (t.lost, late, "bounds after a lost sample"),
+                                  (t.start, whole, "declared range")):
+        if t.start == begins:  # the last of them whatever row init takes
+            yield Demand("start", f"initial box against the {words}", first, bounds,
+                         lambda at, needed, words=words: f"the initial box is not within the {words}.")
     for name, start, begin, end in (("anywhere", whole, 0, t.lost),
                                     ("a lost sample", late, t.lost, last)):
         proved = table(found, graph, b, start, (end - begin) << t.shift)
         for k in range((end - begin) << t.shift):
             held = proved[k] if k < len(proved) else found.estimate(graph, b)
-            _holds(held, t.h[begin + (k >> t.shift)], f"{k} samples after {name}")
-    _holds(found.estimate(graph, b), t.h[last], "in the end")
-    for i in range(n_s):
-        if not np.max(b[:, n_x + i]) < float(t.limit[i]):
-            raise CertificateError(f"certificate: xi[{i}] reaches {np.max(b[:, n_x + i]):.4g} without a fault, beyond "
-                                   f"its limit {float(t.limit[i]):.4g}.")
+            yield _threshold(held, t.h[begin + (k >> t.shift)], f"{k} samples after {name}")
+    yield _threshold(found.estimate(graph, b), t.h[last], "in the end")
+    most, limit = np.max(b[:, n_x:n_x + n_s], axis=0), t.limit.astype(float)
+    yield Demand("limit", "without a fault", most, limit, lambda at, needed: (
+        f"xi[{at[0]}] reaches {needed[at]:.4g} without a fault, beyond its limit {limit[at]:.4g}."), True)
 
 
-def _holds(needed: Array, given: Array, when: str) -> None:
-    wrong = needed > given.astype(float)
-    if np.any(wrong):
-        q, j = np.argwhere(wrong)[0]
-        raise CertificateError(f"certificate: the estimate of fault {j} in mode {q} reaches {needed[q, j]:.6g} {when}, "
-                               f"its threshold is {float(given[q, j]):.6g}.")
+def check(modes, t, graph: Graph, cert: dict, x0: tuple[Array, Array]) -> None:
+    """Check all thresholds of a table; arguments as ``demands``.
+
+    Raises
+    ------
+    CertificateError
+        Naming the row and mode that fail.
+    """
+    for demand in demands(modes, t, graph, cert, x0):
+        demand.require()
+
+
+def _threshold(needed: Array, given: Array, when: str) -> Demand:
+    return Demand("threshold", when, needed, given.astype(float), lambda at, needed: (
+        f"the estimate of fault {at[1]} in mode {at[0]} reaches {needed[at]:.6g} {when}, its threshold is "
+        f"{float(given[at]):.6g}."))
 
 
 def check_monitor(supervision, cert: dict) -> None:

@@ -129,6 +129,26 @@ def joint_mode(m, t, q: int) -> JointMode:
                      room)
 
 
+def rounding_of(t, which: str, q: int) -> list[fmpq]:
+    """What the model holds for the rounding of each sum of a filter whose state is within its limits.
+
+    Parameters
+    ----------
+    t : FilterTables
+    which : {"estimate", "forward"}
+    q : int
+
+    Returns
+    -------
+    list of fmpq
+    """
+    rate, tiny = _rate(t, len(t.limit))
+    own = ("K", "Du", "Dy") if which == "estimate" else ("M", "G", "L")
+    state, of_u, of_y = (rational(getattr(t, name)[q]) for name in own)
+    u, y, limit = _sizes(t.u_lo, t.u_hi), _sizes(t.y_lo, t.y_hi), rational(t.limit)
+    return [rate * (_size(a, limit) + _size(b, u) + _size(c, y)) + tiny for a, b, c in zip(state, of_u, of_y)]
+
+
 def _feedthrough(m) -> Array:
     found = getattr(m, "Dw", None)
     return np.zeros((len(m.C), m.Bw.shape[1])) if found is None else found

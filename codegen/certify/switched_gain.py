@@ -12,6 +12,8 @@ The inequality is a positive definite matrix; its numbers are those that the C h
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from flint import fmpq
 
@@ -108,8 +110,8 @@ def _forms(block, given: dict, k: int, rows: int, place: str) -> tuple[Array, Ar
     return T, T, skew
 
 
-def check_gain(modes, names, switching, gains, proof: dict) -> fmpq:
-    """Check the level of a filter on the numbers that the C holds.
+def inequalities(modes, names, switching, gains, proof: dict) -> Iterator[tuple[str, str, Array]]:
+    """Every matrix that must be positive definite: first those of Lyapunov, then one per edge.
 
     Parameters
     ----------
@@ -121,15 +123,16 @@ def check_gain(modes, names, switching, gains, proof: dict) -> fmpq:
     proof : dict
         "level2" = gamma^2, "P" per node, "multipliers" per mode.
 
-    Returns
-    -------
-    fmpq
-        The proved gamma^2.
+    Yields
+    ------
+    kind : {"Lyapunov matrix", "edge"}
+    where : str
+    S : object array
 
     Raises
     ------
     CertificateError
-        Which edge fails.
+        Something is missing, or not of the form that it must have.
     """
     level = Q(proof["level2"])
     nodes = switching.mode
@@ -137,9 +140,10 @@ def check_gain(modes, names, switching, gains, proof: dict) -> fmpq:
         raise CertificateError(f"certificate: {len(proof['P'])} Lyapunov matrices (found), expected {len(nodes)}.")
     P = [rational(np.array(p)) for p in proof["P"]]
     for a, p in enumerate(P):
-        if np.any(p != p.T) or leading_failure(p) is not None:
-            raise CertificateError(f'certificate: the Lyapunov matrix of mode "{names[nodes[a]]}" (node {a}) is not '
-                                   "symmetric and positive definite.")
+        where = f'of mode "{names[nodes[a]]}" (node {a})'
+        if np.any(p != p.T):
+            raise CertificateError(f"certificate: the Lyapunov matrix {where} is not symmetric.")
+        yield "Lyapunov matrix", where, p
     parts = {}
     for q, m in enumerate(modes):
         move, out = closed_loop(m, gains[q])
@@ -153,10 +157,28 @@ def check_gain(modes, names, switching, gains, proof: dict) -> fmpq:
         S = fixed - move.T @ P[b] @ move
         k = len(P[a])
         S[:k, :k] += P[a]
+        yield "edge", f'from mode "{names[nodes[a]]}" to "{names[nodes[b]]}"', S
+
+
+def check_gain(modes, names, switching, gains, proof: dict) -> fmpq:
+    """Check the level of a filter on the numbers that the C holds; arguments as ``inequalities``.
+
+    Returns
+    -------
+    fmpq
+        The proved gamma^2.
+
+    Raises
+    ------
+    CertificateError
+        Which edge fails.
+    """
+    level = Q(proof["level2"])
+    for kind, where, S in inequalities(modes, names, switching, gains, proof):
         bad = leading_failure(S)
+        if bad is not None and kind == "Lyapunov matrix":
+            raise CertificateError(f"certificate: the Lyapunov matrix {where} is not positive definite.")
         if bad is not None:
-            raise CertificateError(
-                f'certificate: the level {float(level) ** 0.5:.6g} fails from mode "{names[nodes[a]]}" to '
-                f'"{names[nodes[b]]}" (leading minor {bad + 1} of {len(S)}) on the rounded constants. Try a larger '
-                "level or float64.")
+            raise CertificateError(f"certificate: the level {float(level) ** 0.5:.6g} fails {where} (leading minor "
+                                   f"{bad + 1} of {len(S)}) on the rounded constants. Try a larger level or float64.")
     return level

@@ -4,7 +4,7 @@
 Here the margin is taken back from the finished tables: what of the offset is left once disturbance, noise and
 the rounding of constants and inputs have had their part. Gappa must prove, from the sums alone, that no
 rounding is larger. Of a point observer, whose set holds all roundings together, the margin of a sum is what the set
-is given for it.
+is given for it; of a filter, what its thresholds hold.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ import numpy as np
 
 from ..certify.containment import Containment, offset
 from ..certify.exact import Q, down, up
+from ..certify.filter_model import rounding_of
 from ..certify.rounding import input_error
 from ..certify.sets import SetDemands
 from ..certify.variation import pace_rounding
-from . import families, gappa_sums, point_parts
+from . import families, filter_parts, gappa_sums, point_parts
 from .gappa_sums import SIDES, Magnitude, Sum
 from .maps import MapSpec, Names
 from .varying import Varying
@@ -31,6 +32,8 @@ ABOUT = ("operation rounded and once exact. What they may differ by is the margi
          "disturbance, noise and the rounding of constants and inputs leave over. All layouts calculate these sums: a")
 ABOUT_POINTS = ("operation rounded and once exact. What they may differ by is the margin: what the set of errors gets",
                 "for the rounding of this sum, in every step. All layouts calculate these sums: a")
+ABOUT_FILTERS = ("operation rounded and once exact. What they may differ by is the margin: what the thresholds hold for",
+                 "the rounding of this sum, at every sample. All layouts calculate these sums: a")
 LAST = "Last in a residual the measurement is subtracted: that keeps the sign, which is what an alarm looks at."
 LAST_POINTS = "A comparison with a bound looks at the sign of a difference, which rounding keeps."
 
@@ -108,7 +111,8 @@ def rounding(design, d: DesignView) -> RoundingView:
     t = design.observer.tables[d.real]
     names = Names(d.prefix, d.macro, d.real, tuple(m.name for m in d.modes), tuple(m.macro for m in d.modes))
     if d.sets:
-        return _of_points(design.plant.observed.modes, t, names, d)
+        about = _of_points if hasattr(t, "shape") else _of_filter
+        return about(design.plant.observed.modes, t, names, d)
     specs = (*families.specs(design.observer.family, t, names, d.x, d.y), *families.change_specs(t, names, d.x))
     exact = Containment(design.plant.observed.modes, t)
     margins, rows, magnitudes = _margins(exact), [], {}
@@ -136,6 +140,19 @@ def _of_points(modes, t, names: Names, d: DesignView) -> RoundingView:
     operands = dict.fromkeys(operand for spec in specs for operand in gappa_sums.operands(spec, t))
     return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in operands), (), tuple(rows),
                         float(np.finfo(t.dtype).max).hex(), ABOUT_POINTS, LAST_POINTS)
+
+
+def _of_filter(modes, t, names: Names, d: DesignView) -> RoundingView:
+    """State the sums of a filter; the margin of each is what its thresholds hold for the rounding."""
+    rows, specs = [], filter_parts.maps(t, names, next(z.faults for z in d.sets))
+    for spec, which in zip(specs, ("estimate", "forward")):
+        margins = {(spec.offset.name, q, ""): [down(x) for x in rounding_of(t, which, q)]
+                   for q in range(len(names.modes))}
+        for i in range(len(spec.rows)):
+            rows += _rows(spec, "", i, [gappa_sums.row(spec, t, q, "", i) for q in range(len(names.modes))], margins)
+    operands = dict.fromkeys(operand for spec in specs for operand in gappa_sums.operands(spec, t, t.limit))
+    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in operands), (), tuple(rows),
+                        float(np.finfo(t.dtype).max).hex(), ABOUT_FILTERS, LAST_POINTS)
 
 
 def _margins(exact: Containment) -> dict[tuple[str, int, str], list[float]]:

@@ -124,11 +124,11 @@ def parameter(t, q: int, j: int) -> str:
     return f"th_{j}_mode_{int(np.argmax(same))}"
 
 
-def operands(spec: MapSpec | Varying, t) -> Iterator[tuple[str, str, str]]:
+def operands(spec: MapSpec | Varying, t, state=None) -> Iterator[tuple[str, str, str]]:
     """Name every number that the sums of a map read but magnitudes of coefficients, with the ends of its range.
 
     The ranges are those behind the margins, which the Frama-C harness shows the state never to leave; zero is what
-    init and reset store.
+    init and reset store. ``state`` bounds the state's numbers where they are not those of x.
     """
     plain = spec.spec if isinstance(spec, Varying) else spec
     for operand in (*(part.operand for part in plain.common), *([plain.plus] if plain.plus else [])):
@@ -137,9 +137,10 @@ def operands(spec: MapSpec | Varying, t) -> Iterator[tuple[str, str, str]]:
         for j, (a, b) in enumerate(zip(np.minimum(lo, 0.0), np.maximum(hi, 0.0))):
             yield variable(operand, j), a.hex(), b.hex()
     box = t.box.astype(float)
-    state = t.change.box.astype(float) if plain.state.operand == "s->z" else box
+    if state is None:
+        state = t.change.box if plain.state.operand == "s->z" else t.box
     for side in plain.sides:
-        for j, b in enumerate(state):
+        for j, b in enumerate(state.astype(float)):
             yield variable(f"{plain.state.operand}{'_' * bool(side)}{side}", j), (-b).hex(), b.hex()
     if isinstance(spec, Varying):
         yield from _operands_varying(spec, t, box)

@@ -127,7 +127,7 @@ def _places(d: DesignView, fields) -> tuple[str, ...]:
     """List every element of some members of a struct."""
     counts = {f"[{d.macro}_{name}]": len(of) for name, of in (("NX", d.x), ("NU", d.u), ("NY", d.y),
                                                          ("NTHETA", d.theta), ("BITS", d.bits))}
-    counts |= {f"[{d.macro}_NSHAPE]": z.numbers for z in d.sets}
+    counts |= {f"[{d.macro}_{name}]": n for name, n in d.lengths}
     return tuple(place for f in fields for place in
                  ([f"{f.name}[{i}]" for i in range(counts[f.size])] if f.size else [f.name]))
 

@@ -123,9 +123,16 @@ def blocks(t, members: dict[str, str]) -> Ranges:
                    "which keeps each number of a generator there. From there Eva shows that all stays finite."))
 
 
+def filtered(t, members: dict[str, str]) -> Ranges:
+    """The state of a filter, each number compared with its limit, and the count of the table of thresholds."""
+    return Ranges({"xi": (-t.limit, t.limit)}, {"since": t.last << t.shift},
+                  ("Each number of the filter's state has been compared with its limit when a call ends. From there Eva",
+                   "shows that all stays finite."))
+
+
 def _origin(t) -> dict:
     return {"origin": t.origins - 1} if t.kind == "tnl" else {}
 
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
-          "blocks": blocks, "ellipsoid_trace": ellipsoid_trace}
+          "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered}

@@ -125,7 +125,6 @@ class FilterObserver(Runner):
     family = "filter"
     tables_class = FilterTables
     trace_class = FilterTrace
-    stated = False
 
     def empty(self, t, shape: tuple[int, ...]) -> FilterTrace:
         """Allocate the answers of runs of the given leading shape."""

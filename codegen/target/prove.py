@@ -85,9 +85,6 @@ def prove(folder: str | Path) -> ProofResult:
     if "mode_set" in (name for name, *_ in record.get("out", ())):
         raise ToolError(f"{folder}: a mode estimator (found), expected an observer that is told its mode: Frama-C has "
                         "no harness for its boxes. residua certify, fuzz and validate check it.")
-    if "f_hat" in (name for name, *_ in record.get("out", ())):
-        raise ToolError(f"{folder}: a fault estimation filter (found), expected a pair of framers: no harness is made "
-                        "for it. residua certify, fuzz and validate check it.")
     sources = [f"{prefix}.c", f"prove_{prefix}.c"]
     for name in sources:
         if not (folder / name).is_file():
