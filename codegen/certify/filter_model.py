@@ -96,9 +96,9 @@ def joint_mode(m, t, q: int) -> JointMode:
     slip = [np.array([input_error(x, t.real) for x in z] or zeros(0), dtype=object) for z in (u, y)]
     J = np.concatenate([np.concatenate([A, zeros(n_x, n_s)], axis=1),
                         np.concatenate([product(L, C), M], axis=1)], axis=0)
-    # Columns of disturbance, noise and input in x+ and in y; of the input and of what is read of both in the filter.
+    # Columns of disturbance, noise, input as read, and of what it and y differ by from it in the plant.
     inputs = ((Bw * w, Dw * w, None, None), (zeros(n_x, len(v)), Dv * v, None, None),
-              (B * u, D * u, G * u, Du * u), (zeros(n_x, len(u)), None, G * slip[0], Du * slip[0]),
+              (B * u, D * u, G * u, Du * u), (B * slip[0], D * slip[0], None, None),
               (zeros(n_x, len(y)), np.diag(slip[1]) if len(y) else zeros(0, 0), None, None))
     W, direct = [], []
     for to_x, to_y, to_xi, to_f in inputs:
@@ -106,16 +106,16 @@ def joint_mode(m, t, q: int) -> JointMode:
         seen = product(Dy, to_y) if to_y is not None else zeros(len(Dy), to_x.shape[1])
         W.append(np.concatenate([to_x, own if to_xi is None else own + to_xi], axis=0))
         direct.append(seen if to_f is None else seen + to_f)
-    nothing = zeros(len(K))
+    nothing, true = zeros(len(K)), u + slip[0]
     pushes = []
     for effect in others(m, effects):
         for i, row in enumerate(effect):
             if any(row != 0):
                 h = _unit(i, n_x + n_s) if i < n_x else np.concatenate([zeros(n_x), L[:, i - n_x]])
-                room = _size(row[n_x:], np.concatenate([w, v, u]))
+                room = _size(row[n_x:], np.concatenate([w, v, true]))
                 pushes.append(Push(h, _padded(row[:n_x], n_s), zeros(n_x + n_s), room,
                                    nothing if i < n_x else abs(Dy[:, i - n_x])))
-    pushes += [Push(_unit(i, n_x + n_s), zeros(n_x + n_s), _padded(row[:n_x], n_s), _size(row[n_x:], u), nothing)
+    pushes += [Push(_unit(i, n_x + n_s), zeros(n_x + n_s), _padded(row[:n_x], n_s), _size(row[n_x:], true), nothing)
                for i, row in enumerate(rest) if any(row != 0)]
     rate, tiny = _rate(t, n_s)
     for i in range(n_s):
