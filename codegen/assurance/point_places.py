@@ -213,15 +213,15 @@ def _match(source: Source, function: str, node: Node, known: dict, modes: list[s
 
 
 #: Fields whose first axis is the mode: the document gives them mode by mode.
-MODE_FIRST = {*"MACVHPS", "F", "Fb", "Hb", "rho", "k", "kb", "kr", "Pb", "gb", "powers", "rows", "Phi", "Gamma", "shift",
-              "reach"}
+MODE_FIRST = {*"MACVHPS", "F", "Fb", "Hb", "rho", "k", "kb", "kr", "Pb", "gb", "powers", "rows", "Phi", "Gamma",
+              "shift", "reach"}
 
 
 def _orders(value: Array) -> Iterator[Array]:
     """The orders in which a field may be printed.
 
-    Its own, the directions beyond the outputs, column after column, of symmetric matrices the lower triangles, of pairs of
-    modes those of two different ones.
+    Its own, the directions beyond the outputs, column after column, of symmetric matrices the lower triangles, of
+    pairs of modes those of two different ones.
     """
     at = np.arange(value.size).reshape(value.shape)
     yield at.ravel()

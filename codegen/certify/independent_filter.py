@@ -5,9 +5,9 @@ e = [x; xi] with unknowns of known size,
 
     e+ = J e + W d + sum h_l p_l,   |d_i| <= 1,   |p_l| <= |S_l e| + weight_l |e| + room_l,   f_hat = O e + V d + ...,
 
-d disturbance, noise, inputs and the rounding of y and u on their way in; the p_l what is uncertain in a row of the plant
-and what the C rounds of xi. A set |r_i e| <= b_i is kept where each r_i J is a combination of the rows, given by the
-certificate, plus a rest that counts by magnitude. Every row of the table must hold f_hat from there.
+d disturbance, noise, inputs and the rounding of y and u on their way in; the p_l what is uncertain in a row of the
+plant and what the C rounds of xi. A set |r_i e| <= b_i is kept where each r_i J is a combination of the rows, given by
+the certificate, plus a rest that counts by magnitude. Every row of the table must hold f_hat from there.
 """
 
 import re
@@ -147,7 +147,7 @@ class Set:
         self.node, self.edges = graph
         made = [bounds_of(Joint(p, t, q), self.rows, cert, q) for q, p in enumerate(modes)]
         self.b = [[float(x) for x in row] for row in cert["bounds"]]
-        demand(len(self.b) == len(self.node) and all(len(r) == len(self.rows) and min(r) >= 0 for r in self.b), "bounds")
+        demand([len(r) for r in self.b] == [len(self.rows)] * len(self.node) and min(map(min, self.b)) >= 0, "bounds")
         for a, p, to in self.edges:
             g, o = made[p][0]
             b, after = exact(self.b[a]), exact(self.b[to])
@@ -185,9 +185,9 @@ def check_thresholds(found, t, cert, ranges, box0):
     h, lost, shift, rows = t["h"], t["lost"], t["shift"], found.rows
     last, n = len(h) - 1, len(t["x_lo"])
     demand(0 <= lost <= last and t["start"] in (0, lost, last), "rows of the table")
-    for name, given, (u, tiny) in (("x", ranges["x"], (0, 0)), ("x0", box0, (0, 0)), ("u", ranges["u"], UNIT[t["real"]])):
+    for name, given in (("x", ranges["x"]), ("x0", box0), ("u", ranges["u"])):
         for lo, hi, (a, b) in zip(t[name + "_lo"], t[name + "_hi"], given):
-            room = u * max(abs(F(lo)), abs(F(hi))) + tiny
+            room = UNIT[t["real"]][0] * max(abs(F(lo)), abs(F(hi))) if name == "u" else 0  # the caller rounds
             demand(F(lo) - room <= F(float(a)) and F(hi) + room >= F(float(b)), f"box {name} too small")
     declared, first = (reach(zip(t[k + "_lo"], t[k + "_hi"])) for k in ("x", "x0"))
     anywhere = [[up(size(row, declared + exact(t["limit"]))) for row in rows]] * len(found.node)

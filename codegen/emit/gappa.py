@@ -32,8 +32,8 @@ ABOUT = ("operation rounded and once exact. What they may differ by is the margi
          "disturbance, noise and the rounding of constants and inputs leave over. All layouts calculate these sums: a")
 ABOUT_POINTS = ("operation rounded and once exact. What they may differ by is the margin: what the set of errors gets",
                 "for the rounding of this sum, in every step. All layouts calculate these sums: a")
-ABOUT_FILTERS = ("operation rounded and once exact. What they may differ by is the margin: what the thresholds hold for",
-                 "the rounding of this sum, at every sample. All layouts calculate these sums: a")
+ABOUT_FILTERS = ("operation rounded and once exact. What they may differ by is the margin: what the thresholds hold",
+                 "for the rounding of this sum, at every sample. All layouts calculate these sums: a")
 LAST = "Last in a residual the measurement is subtracted: that keeps the sign, which is what an alarm looks at."
 LAST_POINTS = "A comparison with a bound looks at the sign of a difference, which rounding keeps."
 

@@ -126,8 +126,8 @@ def blocks(t, members: dict[str, str]) -> Ranges:
 def filtered(t, members: dict[str, str]) -> Ranges:
     """The state of a filter, each number compared with its limit, and the count of the table of thresholds."""
     return Ranges({"xi": (-t.limit, t.limit)}, {"since": t.last << t.shift},
-                  ("Each number of the filter's state has been compared with its limit when a call ends. From there Eva",
-                   "shows that all stays finite."))
+                  ("Each number of the filter's state has been compared with its limit when a call ends. From there",
+                   "Eva shows that all stays finite."))
 
 
 def _origin(t) -> dict:

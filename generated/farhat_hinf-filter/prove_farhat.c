@@ -12,8 +12,8 @@
  * "least" and "most", with any mode and any input, ends between them again: so does every sequence of calls.
  * Eva shows that, and that on the way there is no run-time error and no number becomes infinite or NaN.
  * Inputs go far beyond their ranges, but are numbers: the refusal of NaN and infinity is left to tests.
- * Each number of the filter's state has been compared with its limit when a call ends. From there Eva
- * shows that all stays finite.
+ * Each number of the filter's state has been compared with its limit when a call ends. From there
+ * Eva shows that all stays finite.
  * The proof is about IEEE 754 arithmetic, rounding to nearest, without fused multiply-add.
  */
 #include "farhat.h"

@@ -8,8 +8,8 @@
 # This file is yours: no licence, no warranty.
 #
 # For Gappa (residua prove). Each row of the affine maps is stated twice in the same words, once with every
-# operation rounded and once exact. What they may differ by is the margin: what the thresholds hold for
-# the rounding of this sum, at every sample. All layouts calculate these sums: a
+# operation rounded and once exact. What they may differ by is the margin: what the thresholds hold
+# for the rounding of this sum, at every sample. All layouts calculate these sums: a
 # product with zero, which straight code leaves out and a loop adds, changes no number.
 # Rounding to nearest with gradual underflow, without fused multiply-add. Hexadecimal numbers are exact.
 
