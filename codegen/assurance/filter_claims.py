@@ -46,8 +46,8 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
     yield "energy: ", claim(
         "energy", "A quadratic function of plant, weights and filter pays for the error of the estimate, at every step "
         "of every mode sequence that is admitted and for every value of what is uncertain.",
-        "g |d|^2 - |z|^2 + V_a(x) - V_b(x+) > sum of s' T s - p' T p + 2 s' G p over the uncertainties, T >= 0, G skew, on "
-        "every edge a -> b; level^2 >= g", "Farhat and Koenig (2016), bounded real inequality per edge, corrected",
+        "g |d|^2 - |z|^2 + V_a(x) - V_b(x+) > sum of s' T s - p' T p + 2 s' G p of what is uncertain, T >= 0, G skew, "
+        "on every edge a -> b; level^2 >= g", "Farhat and Koenig (2016), bounded real inequality per edge, corrected",
         "codegen.certify.switched_gain.check_gain", energy(design.plant, t, cert), (*plant, *PLANT, *FAULTS), GAINS,
         own)
     yield "while no fault acts no |f_hat| exceeds", claim(

@@ -43,7 +43,8 @@ class HarnessView:
 
     ``least`` and ``most`` are initialisers of the state struct, one per member; ``numbers`` and ``words`` are
     its elements by type. ``given`` are numbers of an error set, which start between their ends but are not shown to
-    stay there (``set_ranges``); ``about`` are the lines of the comment that says what does.
+    stay there (``set_ranges``); ``about`` are the lines of the comment that says what does. ``told`` is the member of
+    the input that is the mode, where it has one.
     """
 
     interval: str
@@ -60,6 +61,7 @@ class HarnessView:
     beyond_u: tuple[Number, ...]
     beyond_y: tuple[Number, ...]
     beyond_theta: tuple[Number, ...]
+    told: tuple[str, ...]
 
 
 def harness(design, d: DesignView) -> HarnessView:
@@ -91,11 +93,11 @@ def harness(design, d: DesignView) -> HarnessView:
         own = set_ranges.of(design.observer.family, t, {f.name: f.type for f in d.state_fields
                                                         if f.name not in numbers and f.name not in words})
         numbers, words = numbers | own.numbers, words | own.words
-    bits = len(d.bits)
-    least = tuple(initialiser(numbers[f.name][0], d.real) if f.name in numbers else _words(0, f.size, bits)
+    counts = _counts(d)
+    least = tuple(initialiser(numbers[f.name][0], d.real) if f.name in numbers else _words(0, counts.get(f.size))
                   for f in d.state_fields)
-    most = tuple(initialiser(numbers[f.name][1], d.real) if f.name in numbers else _words(words[f.name], f.size, bits)
-                 for f in d.state_fields)
+    most = tuple(initialiser(numbers[f.name][1], d.real) if f.name in numbers else
+                 _words(words[f.name], counts.get(f.size)) for f in d.state_fields)
     apart = [f.name for f in d.state_fields if f.name in ("mode", "phase") and not (d.sets and f.name == "mode")]
     return HarnessView(
         interval=INTERVAL[d.real], least=least, most=most,
@@ -106,7 +108,8 @@ def harness(design, d: DesignView) -> HarnessView:
         wide=tuple(n for v, lo, hi in vectors for n in _numbers(v, -_reach(lo, hi), _reach(lo, hi), d.real)),
         good=tuple(n for v, lo, hi in _accepted(vectors, t) for n in _numbers(v, lo, hi, d.real)),
         beyond_u=_beyond("u", t.u_lo, t.u_hi, d.real), beyond_y=_beyond("y", t.y_lo, t.y_hi, d.real),
-        beyond_theta=_beyond(*vectors[2], d.real) if d.theta else ())
+        beyond_theta=_beyond(*vectors[2], d.real) if d.theta else (),
+        told=tuple(f.name for f in d.in_fields if f.name == "mode"))
 
 
 def _accepted(vectors, t):
@@ -118,16 +121,21 @@ def _accepted(vectors, t):
         yield vector, lo, hi
 
 
-def _words(value: int, size: str, bits: int) -> str:
-    """Print the initialiser of a word, or of one word per alarm bit."""
-    return "{ " + ", ".join([f"{value}U"] * bits) + " }" if size else f"{value}U"
+def _words(value: int, count: int | None) -> str:
+    """Print the initialiser of a word, or of an array of them."""
+    return "{ " + ", ".join([f"{value}U"] * count) + " }" if count else f"{value}U"
+
+
+def _counts(d: DesignView) -> dict[str, int]:
+    """Elements of the arrays of a struct, by their size as it is printed."""
+    counts = {f"[{d.macro}_{name}]": len(of) for name, of in (
+        ("NX", d.x), ("NU", d.u), ("NY", d.y), ("NTHETA", d.theta), ("BITS", d.bits), ("MODES", d.modes))}
+    return counts | {f"[{d.macro}_{name}]": n for name, n in d.lengths}
 
 
 def _places(d: DesignView, fields) -> tuple[str, ...]:
     """List every element of some members of a struct."""
-    counts = {f"[{d.macro}_{name}]": len(of) for name, of in (("NX", d.x), ("NU", d.u), ("NY", d.y),
-                                                         ("NTHETA", d.theta), ("BITS", d.bits))}
-    counts |= {f"[{d.macro}_{name}]": n for name, n in d.lengths}
+    counts = _counts(d)
     return tuple(place for f in fields for place in
                  ([f"{f.name}[{i}]" for i in range(counts[f.size])] if f.size else [f.name]))
 

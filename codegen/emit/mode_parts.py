@@ -20,10 +20,12 @@ class ModeView:
     """Sizes, and the tables of each function.
 
     ``feeds`` is D where it is not zero, ``driven`` and ``jump_driven`` what inputs do in a period and in one with a
-    switch. ``inputs`` holds the macro of n_u, or nothing without; ``unread`` then the parameter that is not read.
+    switch. ``largest`` is the largest number of the type. ``inputs`` holds the macro of n_u, or nothing without;
+    ``unread`` then the parameter that is not read.
     """
 
     sizes: tuple[Size, ...]
+    largest: str
     limit: Table
     start: tuple[Table, ...]
     wide: tuple[Table, ...]
@@ -124,7 +126,7 @@ def view(t, names: Names, count: int) -> ModeView:
 
     x, xx, xu = f"[{m}_NX]", f"[{m}_NX][{m}_NX]", f"[{m}_NX][{m}_NU]"
     return ModeView(
-        sizes=sizes, limit=vector("limit", t.limit),
+        sizes=sizes, largest="FLT_MAX" if real == "float32" else "DBL_MAX", limit=vector("limit", t.limit),
         start=(vector("least", t.start_lo), vector("most", t.start_hi)),
         wide=(vector("least", t.wide_lo), vector("most", t.wide_hi)),
         noise=(vector("v_lo", t.v_lo, "NY"), vector("v_hi", t.v_hi, "NY")),

@@ -130,9 +130,34 @@ def filtered(t, members: dict[str, str]) -> Ranges:
                    "Eva shows that all stays finite."))
 
 
+def modes(t, members: dict[str, str]) -> Ranges:
+    """Boxes of hypotheses a period after they were cut, or as a measurement cut one that is dead; masks of ages."""
+    most, pairs = carried(t), len(t.Phi) * (t.ages + 1)
+    return Ranges({f"box_{side}": (-np.tile(most, pairs), np.tile(most, pairs)) for side in ("lo", "hi")},
+                  {"alive": 2 ** (t.ages + 1) - 1, "decided": len(t.Phi) - 1},
+                  ("When a call ends each box has been cut to its limits and carried over one period, or is one of the",
+                   "boxes to start from, or has been found empty. From there Eva shows that all stays finite."))
+
+
+def carried(t) -> Array:
+    """Magnitudes that no number of a box exceeds when a call ends, in the type of the tables."""
+    f = {k: np.abs(getattr(t, k).astype(float)) for k in (
+        "Phi", "Gamma", "shift", "reach", "J", "J_u", "J_shift", "J_radius", "J_u_radius", "J_reach", "birth", "limit",
+        "D", "wide_lo", "wide_hi", "start_lo", "start_hi")}
+    u, y = (np.maximum(*(np.abs(getattr(t, f"{v}_{s}").astype(float)) for s in ("lo", "hi"))) for v in "uy")
+    moved = f["Phi"] @ f["limit"] + f["Gamma"] @ u + f["shift"]
+    jump = (f["J"] + f["J_radius"]) @ f["limit"] + (f["J_u"] + f["J_u_radius"]) @ u + f["J_shift"] + f["J_reach"]
+    out = np.max([f["limit"], *(f[k] for k in ("wide_lo", "wide_hi", "start_lo", "start_hi")),
+                  *(moved + f["reach"]), *(moved + jump + f["birth"]).reshape(-1, len(f["limit"]))], axis=0)
+    seen = y + f["D"] @ u + np.maximum(*(np.abs(v.astype(float)) for v in (t.v_lo, t.v_hi)))
+    out[:len(seen)] = np.maximum(out[:len(seen)], seen)
+    return (1.001 * out).astype(t.dtype)
+
+
 def _origin(t) -> dict:
     return {"origin": t.origins - 1} if t.kind == "tnl" else {}
 
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
-          "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered}
+          "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
+          "mode": modes}

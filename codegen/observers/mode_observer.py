@@ -56,7 +56,6 @@ class ModeObserver(Runner):
     family = "mode"
     tables_class = ModeTables
     trace_class = ModeTrace
-    stated = False
 
     @classmethod
     def initial(cls, x0_lo, x0_hi, shape: tuple[int, int], record: dict, dtype) -> list[Array | None]:
