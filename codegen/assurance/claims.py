@@ -15,7 +15,7 @@ from ..analysis.detectability import surely_detected
 from ..certify import claims as certificate
 from ..certify import containment, criteria, freeze
 from ..errors import CertificateError
-from . import filter_claims, margins, point_claims
+from . import filter_claims, margins, mode_claims, point_claims
 from .margins import Margin
 
 GAINS = ("M", "G", "L", "N", "d")
@@ -25,7 +25,7 @@ THETA = ("signals.theta", "mode.bounds")
 EXACT = ("exact", "independent", "read-back")
 MATRICES = ("A", "B", "C", "D", "Bw", "Dv")
 #: Families whose certificate has claims of its own.
-OWN = {"filter": filter_claims}
+OWN = {"filter": filter_claims, "mode": mode_claims}
 PLANT = (*MATRICES, "signals.x", "signals.u", "signals.y", "signals.w", "signals.v", "mode.bounds", "constants")
 
 
@@ -222,19 +222,21 @@ def _detection(design, t, cert, real) -> list[Claim]:
     """One claim per fault channel: the size from which a step is found, last delay."""
     seen, constants = getattr(OWN.get(design.observer.family), "SEEN", ("output", (*GAINS, "C", "D", "c")))
     stored = design.detection[real]
-    within = max((len(f["by_delay"]) - 1 for f in stored), default=0)
-    out = []
-    for fault, old in zip(surely_detected(design.plant, t, cert, within), stored, strict=True):
-        for claimed, fresh in zip(old["by_delay"], fault.by_delay, strict=True):
+    within, out = max((len(f["by_delay"]) - 1 for f in stored), default=0), []
+    promised = any(size is not None for f in stored for size in f["by_delay"])
+    found = surely_detected(design.plant, t, cert, within) if promised else [None] * len(stored)
+    for fault, old in zip(found, stored, strict=True):
+        channel = old["channel"]
+        for claimed, fresh in zip(old["by_delay"], fault.by_delay if fault else old["by_delay"], strict=True):
             if claimed is not None and claimed < fresh * (1 - 1e-9):
-                raise CertificateError(f"assurance: fault {fault.channel} is claimed to be found from {claimed:.6g} "
-                                       f"on, only {fresh:.6g} is sure. Design again.")
+                raise CertificateError(f"assurance: fault {channel} is claimed to be found from {claimed:.6g} on, only "
+                                       f"{fresh:.6g} is sure. Design again.")
         size, unit = old["by_delay"][-1], old["unit"]
-        text = f"no size of the fault {fault.channel} is claimed to be found" if size is None else (
-            f"a step of the fault {fault.channel} of {size:.6g}{' ' + unit if unit else ''} or more raises an alarm "
+        text = f"no size of the fault {channel} is claimed to be found" if size is None else (
+            f"a step of the fault {channel} of {size:.6g}{' ' + unit if unit else ''} or more raises an alarm "
             f"{_when(old['by_delay'].index(size))}")
-        conditional = t.vary is not None and acts_on_state(design.plant, fault.channel)
-        out.append(Claim(f"detection-{fault.channel}", text, (*PLANT, "Bf", "Df", "signals.f", *_timed(design)),
+        conditional = t.vary is not None and acts_on_state(design.plant, channel)
+        out.append(Claim(f"detection-{channel}", text, (*PLANT, "Bf", "Df", "signals.f", *_timed(design)),
                          f"For every admissible mode sequence, disturbance and noise, some {seen} leaves its bounds"
                          + (", as long as no state bound is on the far end of its declared range (x_hi on the least, "
                             "x_lo on the largest value)." if conditional else "."),

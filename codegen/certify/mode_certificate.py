@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import CertificateError
-from .mode_claims import Claims
+from .claims import digest
+from .mode_claims import Claims, ModeDelays
 from .mode_enclosure import check_enclosure
 
 Array = np.ndarray
@@ -70,6 +71,37 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
                "start": found.start, "worst": found.worst, "widths": found.widths.tolist()}
 
 
+#: Delays by what they follow from: a folder's design is proved more than once in one run.
+_KNOWN: dict[str, ModeDelays] = {}
+
+
+def proved(plant, t, cert: dict) -> ModeDelays:
+    """The delays anew, from the widths of a certificate.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : ModeTables
+    cert : dict
+
+    Returns
+    -------
+    ModeDelays
+
+    Raises
+    ------
+    CertificateError
+    """
+    claims = Claims(t, plant.limits("x"), plant.limits("u"), cert["dwell"], cert["horizon"])
+    key = digest(t.to_dict(), cert, [side.tolist() for side in (*claims.x, *claims.u)])
+    if key not in _KNOWN:
+        found = claims.again(np.array(cert["widths"]), {p: cert["old"][p[0]][p[1]] - 1 for p in claims.pairs})
+        if len(_KNOWN) >= 32:
+            _KNOWN.clear()
+        _KNOWN[key] = found
+    return _KNOWN[key]
+
+
 def check(plant, t, cert: dict) -> list[str]:
     """Re-check a certificate; return what is proved, one sentence per claim.
 
@@ -82,8 +114,7 @@ def check(plant, t, cert: dict) -> list[str]:
     if t.ages != cert["ages"] or cert["dwell"] > dwell_samples(plant):
         raise CertificateError(f"certificate: for {cert['ages']} ages and a dwell time of {cert['dwell']} samples, the "
                                f"tables have {t.ages} and the plant {dwell_samples(plant)}.")
-    claims = Claims(t, plant.limits("x"), plant.limits("u"), cert["dwell"], cert["horizon"])
-    found = claims.again(np.array(cert["widths"]), {p: cert["old"][p[0]][p[1]] - 1 for p in claims.pairs})
+    found = proved(plant, t, cert)
     for name, fresh in (("old", found.old), ("identified", found.identified)):
         for (i, j), samples in fresh.items():
             if cert[name][i][j] < samples:

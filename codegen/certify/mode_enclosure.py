@@ -60,6 +60,7 @@ class Enclosure:
     """
 
     def __init__(self, plant, t):
+        self.left: list[tuple[str, float, str]] = []  # what, by how much it holds at least, where
         self.plant, self.t, self.names = plant, t, [m.name for m in plant.modes]
         self.n, self.n_u, self.p = plant.n_x, plant.n_u, plant.n_y
         self.T, self.S = arb(float(plant.sample_period)), ball(t.S)
@@ -103,6 +104,14 @@ class Enclosure:
                 raise CertificateError(f"certificate: {what}{[int(i) for i in index]} is {float(given[index]):.9g}, at "
                                        f"least {float(least[index].abs_upper()):.9g} expected: the true mode could be "
                                        "dropped. Design again.")
+            self.note(what, arb(float(given[index])) - least[index], f"{what}{[int(i) for i in index]}")
+
+    def note(self, what: str, left: arb, where: str) -> None:
+        """Keep by how much a condition holds, rounded down."""
+        least = left.lower()
+        value = float(least)
+        self.left.append((what.split()[0], value if arb(value) <= least else float(np.nextafter(value, -np.inf)),
+                          where))
 
     def inside(self, what: str, lo: Array, hi: Array, middle: Array, radius: Array) -> None:
         """Raise where [lo, hi] does not hold middle +- radius."""
@@ -110,6 +119,8 @@ class Enclosure:
             if not (arb(float(lo[i])) <= middle[i] - radius[i] and middle[i] + radius[i] <= arb(float(hi[i]))):
                 raise CertificateError(f"certificate: {what}[{i}] is [{float(lo[i]):.9g}, {float(hi[i]):.9g}], it does "
                                        f"not hold {middle[i].str(9)} +- {radius[i].str(9)}. Design again.")
+            self.note(what, middle[i] - radius[i] - arb(float(lo[i])), f"{what}_lo[{i}]")
+            self.note(what, arb(float(hi[i])) - (middle[i] + radius[i]), f"{what}_hi[{i}]")
 
     def reached(self, q: int, w: Array, S: Array) -> Array:
         """Bound of |int S e^{A s} w(s) ds| over the period, |w| given."""
@@ -220,7 +231,7 @@ class Enclosure:
         self.demand(f'birth from mode "{self.names[i]}" to "{self.names[j]}"', t.birth[i, j], size(need))
 
 
-def check_enclosure(plant, t) -> None:
+def check_enclosure(plant, t) -> list[tuple[str, float, str]]:
     """Check that the true mode is never dropped: every constant of the tables is as wide as it must be.
 
     Parameters
@@ -228,9 +239,16 @@ def check_enclosure(plant, t) -> None:
     plant : Plant
     t : ModeTables
 
+    Returns
+    -------
+    list of (str, float, str)
+        Per condition: of which constant, what is left of it at least, where.
+
     Raises
     ------
     CertificateError
         Naming the constant.
     """
-    Enclosure(plant, t).check()
+    enclosure = Enclosure(plant, t)
+    enclosure.check()
+    return enclosure.left

@@ -4,7 +4,7 @@
 Here the margin is taken back from the finished tables: what of the offset is left once disturbance, noise and
 the rounding of constants and inputs have had their part. Gappa must prove, from the sums alone, that no
 rounding is larger. Of a point observer, whose set holds all roundings together, the margin of a sum is what the set
-is given for it; of a filter, what its thresholds hold.
+is given for it; of a filter or of boxes, what thresholds or tables hold.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ..certify.filter_model import rounding_of
 from ..certify.rounding import input_error
 from ..certify.sets import SetDemands
 from ..certify.variation import pace_rounding
-from . import families, filter_parts, gappa_sums, point_parts
+from . import families, filter_parts, gappa_boxes, gappa_sums, point_parts
 from .gappa_sums import SIDES, Magnitude, Sum
 from .maps import MapSpec, Names
 from .varying import Varying
@@ -34,6 +34,8 @@ ABOUT_POINTS = ("operation rounded and once exact. What they may differ by is th
                 "for the rounding of this sum, in every step. All layouts calculate these sums: a")
 ABOUT_FILTERS = ("operation rounded and once exact. What they may differ by is the margin: what the thresholds hold",
                  "for the rounding of this sum, at every sample. All layouts calculate these sums: a")
+ABOUT_BOXES = ("operation rounded and once exact. What they may differ by is the margin: what the boxes gain for the",
+               "rounding of this sum, in every period. All layouts calculate these sums: a")
 LAST = "Last in a residual the measurement is subtracted: that keeps the sign, which is what an alarm looks at."
 LAST_POINTS = "A comparison with a bound looks at the sign of a difference, which rounding keeps."
 
@@ -111,7 +113,7 @@ def rounding(design, d: DesignView) -> RoundingView:
     t = design.observer.tables[d.real]
     names = Names(d.prefix, d.macro, d.real, tuple(m.name for m in d.modes), tuple(m.macro for m in d.modes))
     if d.sets:
-        about = _of_points if hasattr(t, "shape") else _of_filter
+        about = _of_points if hasattr(t, "shape") else {"filter": _of_filter, "mode": _of_boxes}[d.family]
         return about(design.plant.observed.modes, t, names, d)
     specs = (*families.specs(design.observer.family, t, names, d.x, d.y), *families.change_specs(t, names, d.x))
     exact = Containment(design.plant.observed.modes, t)
@@ -153,6 +155,13 @@ def _of_filter(modes, t, names: Names, d: DesignView) -> RoundingView:
     operands = dict.fromkeys(operand for spec in specs for operand in gappa_sums.operands(spec, t, t.limit))
     return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in operands), (), tuple(rows),
                         float(np.finfo(t.dtype).max).hex(), ABOUT_FILTERS, LAST_POINTS)
+
+
+def _of_boxes(modes, t, names: Names, d: DesignView) -> RoundingView:
+    """State the sums of a mode estimator; the margin of each is what its tables hold for the rounding."""
+    rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in gappa_boxes.sums(t, names.prefix, names.modes))
+    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in gappa_boxes.operands(t)), (), rows,
+                        float(np.finfo(t.dtype).max).hex(), ABOUT_BOXES, LAST_POINTS)
 
 
 def _margins(exact: Containment) -> dict[tuple[str, int, str], list[float]]:

@@ -372,7 +372,6 @@ static void zammali_modes_answer(zammali_modes_state *s, zammali_modes_out *out)
     };
     uint32_t ages = 0U;
     uint32_t oldest = 0U;
-    bool first = true;
 
     out->mode_set = 0U;
     out->settled_set = 0U;
@@ -410,6 +409,11 @@ static void zammali_modes_answer(zammali_modes_state *s, zammali_modes_out *out)
         }
     }
     s->decided = out->mode;
+    for (uint32_t i = 0U; i < ZAMMALI_MODES_NX; i++)
+    {
+        out->x_lo[i] = FLT_MAX;
+        out->x_hi[i] = -FLT_MAX;
+    }
     for (uint32_t n = 0U; n < (ZAMMALI_MODES_MODES * ZAMMALI_MODES_AGES); n++)
     {
         if (zammali_modes_lives(s, n / ZAMMALI_MODES_AGES, n % ZAMMALI_MODES_AGES))
@@ -428,16 +432,15 @@ static void zammali_modes_answer(zammali_modes_state *s, zammali_modes_out *out)
             {
                 below[i] -= room[i];
                 above[i] += room[i];
-                if (first || (below[i] < out->x_lo[i]))
+                if (below[i] < out->x_lo[i])
                 {
                     out->x_lo[i] = below[i];
                 }
-                if (first || (above[i] > out->x_hi[i]))
+                if (above[i] > out->x_hi[i])
                 {
                     out->x_hi[i] = above[i];
                 }
             }
-            first = false;
         }
     }
 }
