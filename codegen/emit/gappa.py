@@ -114,7 +114,8 @@ def rounding(design, d: DesignView) -> RoundingView:
     names = Names(d.prefix, d.macro, d.real, tuple(m.name for m in d.modes), tuple(m.macro for m in d.modes))
     if d.sets:
         about = _of_points if hasattr(t, "shape") else {"filter": _of_filter, "mode": _of_boxes}[d.family]
-        return about(design.plant.observed.modes, t, names, d)
+        modes = (design.plant if d.family == "mode" else design.plant.observed).modes
+        return about(modes, t, names, d)
     specs = (*families.specs(design.observer.family, t, names, d.x, d.y), *families.change_specs(t, names, d.x))
     exact = Containment(design.plant.observed.modes, t)
     margins, rows, magnitudes = _margins(exact), [], {}
@@ -159,7 +160,7 @@ def _of_filter(modes, t, names: Names, d: DesignView) -> RoundingView:
 
 def _of_boxes(modes, t, names: Names, d: DesignView) -> RoundingView:
     """State the sums of a mode estimator; the margin of each is what its tables hold for the rounding."""
-    rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in gappa_boxes.sums(t, names.prefix, names.modes))
+    rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in gappa_boxes.sums(modes, t, names.prefix))
     return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in gappa_boxes.operands(t)), (), rows,
                         float(np.finfo(t.dtype).max).hex(), ABOUT_BOXES, LAST_POINTS)
 

@@ -7,6 +7,7 @@ mirrored sums; both are stated where rounding could tell them apart, in the peri
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -30,28 +31,28 @@ class BoxSum:
     margin: float
 
 
-def sums(t, prefix: str, modes: tuple[str, ...]) -> Iterator[BoxSum]:
+def sums(modes, t, prefix: str) -> Iterator[BoxSum]:
     """State every sum of a mode estimator.
 
     Parameters
     ----------
+    modes : sequence of Mode
+        Of the plant.
     t : ModeTables
     prefix : str
         Of the observer.
-    modes : tuple of str
-        Their names.
 
     Yields
     ------
     BoxSum
     """
-    room = _Rooms(t)
+    room, names = _Rooms(modes[0], t), [m.name for m in modes]
     for i, d in enumerate(t.D):
         for side, v in zip(SIDES, (t.v_hi, t.v_lo)):
             terms = [f"in_y_{i}", *_row(-d, "in_u"), _number(-v[i])]
             yield BoxSum(f"{prefix}_cut_{side}_{i}", f"y[{i}] less D u and noise, {side}", _join(terms),
-                         room.measured(i))
-    for q, mode in enumerate(modes):
+                         room.measured(i, side))
+    for q, mode in enumerate(names):
         for i in range(len(t.limit)):
             for side in SIDES:
                 terms = _join([*_carried(t, q, i, side), _number(_outward(t.reach[q, i], side))])
@@ -61,14 +62,14 @@ def sums(t, prefix: str, modes: tuple[str, ...]) -> Iterator[BoxSum]:
         for side in SIDES:
             terms = [*_image(row, side), _number(_outward(t.x_room[i], side))]
             yield BoxSum(f"{prefix}_answer_{side}_{i}", f"x[{i}], {side}", _join(terms), room.answered(i))
-    for p, q in ((p, q) for p in range(len(modes)) for q in range(len(modes)) if p != q):
+    for p, q in itertools.permutations(range(len(names)), 2):
         for i in range(len(t.limit)):
             J = _join([_number(t.J_shift[p, q, i]), *_row(t.J_u[p, q, i], "in_u"), *_image(t.J[p, q, i], "lo")])
             radius = _join([_number(t.J_reach[p, q, i]), *_row(t.J_u_radius[p, q, i], "a"),
                             *_row(t.J_radius[p, q, i], "m")])
             terms = [f"({' '.join(_join(_carried(t, q, i, 'lo')))})", f"+ (({' '.join(J)}) - ({' '.join(radius)}))",
                      f"- {float(t.birth[p, q, i]).hex()}"]
-            yield BoxSum(f"{prefix}_born_{i}_modes_{p}_{q}", f'xi[{i}], lo, "{modes[p]}" to "{modes[q]}"',
+            yield BoxSum(f"{prefix}_born_{i}_modes_{p}_{q}", f'xi[{i}], lo, "{names[p]}" to "{names[q]}"',
                          tuple(terms), room.born(p, q, i))
 
 
@@ -87,8 +88,8 @@ def operands(t) -> Iterator[tuple[str, str, str]]:
 class _Rooms:
     """What the proof of the tables holds for the rounding of each sum, rounded down."""
 
-    def __init__(self, t):
-        self.t = t
+    def __init__(self, mode, t):
+        self.mode, self.t = mode, t
         self.u = np.maximum(np.abs(t.u_lo), np.abs(t.u_hi)).astype(float)
         self.tiny = fmpq(*float(np.finfo(t.real).smallest_subnormal).as_integer_ratio()) * (
             4 * (len(t.limit) + len(self.u)) + 16)
@@ -101,11 +102,15 @@ class _Rooms:
         """Exact sum of |row| times bounds."""
         return sum((abs(Q(a)) * abs(Q(b)) for row, bounds in parts for a, b in zip(row, bounds)), fmpq(0))
 
-    def measured(self, i: int) -> float:
-        t = self.t
+    def measured(self, i: int, side: str) -> float:
+        """What the bound of the noise leaves, less noise, and what reading y and u and the rounded D may be off by."""
+        t, m, sign = self.t, self.mode, 1 if side == "lo" else -1
+        noise = sum((max(sign * Q(a) * Q(b) for b in ends) for a, *ends in zip(m.Dv[i], m.v_lo, m.v_hi)), fmpq(0))
         y = max(abs(Q(t.y_lo[i])), abs(Q(t.y_hi[i])))
-        return down(self.gamma(len(self.u) + 2) * (y + self.size((t.D[i], self.u)) + max(
-            abs(Q(t.v_lo[i])), abs(Q(t.v_hi[i])))) + self.tiny)
+        unit = UNIT[t.real] * (1 + 2 * UNIT[t.real])
+        read = unit * (y + self.size((t.D[i], self.u))) + 2 * self.tiny
+        left = sum((abs(Q(a) - Q(b)) * Q(c) for a, b, c in zip(m.D[i], t.D[i], self.u)), fmpq(0)) * (1 + unit)
+        return down(sign * Q((t.v_hi if side == "lo" else t.v_lo)[i]) - noise - read - left)
 
     def base(self, q: int, i: int) -> fmpq:
         """Magnitudes of the terms of a period."""
