@@ -267,8 +267,8 @@ def check_assurance(folder) -> dict:
     from .assurance import document
 
     if not is_stated(folder):
-        raise CertificateError(f"{folder}: a fault estimation filter (found), expected framers or a point observer: "
-                               "assurance.json is made for these alone. residua certify re-checks the claims.")
+        raise CertificateError(f"{folder}: of a family whose C is not read back (found), expected another: there is no "
+                               "assurance.json for it. residua certify re-checks the claims.")
     return document.verify(folder, read_checked(folder))
 
 

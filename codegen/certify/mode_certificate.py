@@ -93,7 +93,8 @@ def proved(plant, t, cert: dict) -> ModeDelays:
     CertificateError
     """
     claims = Claims(t, plant.limits("x"), plant.limits("u"), cert["dwell"], cert["horizon"])
-    key = digest(t.to_dict(), cert, [side.tolist() for side in (*claims.x, *claims.u)])
+    rests = [cert[name] for name in ("widths", "old", "dwell", "horizon")]
+    key = digest(t.to_dict(), rests, [side.tolist() for side in (*claims.x, *claims.u)])
     if key not in _KNOWN:
         found = claims.again(np.array(cert["widths"]), {p: cert["old"][p[0]][p[1]] - 1 for p in claims.pairs})
         if len(_KNOWN) >= 32:

@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import codegen
+from codegen.assurance.claims import OWN as OWN_CLAIMS
 from codegen.observers import FAMILIES
 from codegen.plant.load import loads
 
@@ -49,9 +50,9 @@ def at(folder: Path) -> Path:
 
 OWN = {json.loads((f / "resources.json").read_text(encoding="ascii"))["family"] for f in GENERATED}
 KEPT = [*GENERATED, *(HOME / family for family in FAMILIES if family not in OWN and family in MADE)]
-#: Those whose C is read back, and proved by Frama-C and Gappa.
-STATED = [f for f in KEPT if FAMILIES[family_of(f)].stated]
 POINTS = [f for f in KEPT if f not in GENERATED or (json.loads((f / "design.json").read_text())["tables"]["float32"]
                                                    .get("shape"))]
 #: Those of families whose assurance is stated, and whose C is therefore read back and proved.
 STATED = [f for f in KEPT if FAMILIES[family_of(f)].stated]
+#: Those of them that are neither framers nor point observers.
+OTHERS = [f for f in STATED if family_of(f) in OWN_CLAIMS]

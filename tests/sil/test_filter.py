@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import runpy
 import subprocess
 from dataclasses import replace
@@ -18,13 +17,11 @@ from helpers.tools import need
 from codegen import filter_designs
 from codegen.analysis.replay import replay
 from codegen.designs import read_design
-from codegen.errors import CertificateError, ToolError
+from codegen.errors import CertificateError
 from codegen.host.build import build
-from codegen.pipeline import check_assurance
 from codegen.plant.load import gallery_folder, load
 from codegen.plant.simulate import simulate
 from codegen.report.filter_words import facts, tables
-from codegen.target.prove import prove
 
 GENERATED = Path(__file__).resolve().parents[2] / "generated"
 NAMES = ("farhat", "vehicle")
@@ -131,13 +128,3 @@ def test_compiles_as_cpp(name, tmp_path):
     need("g++")
     folder, _, _ = committed(name)
     subprocess.run(["g++", *CXX, "-c", str(folder / f"{name}.c"), "-o", str(tmp_path / "o.o")], check=True)
-
-
-def test_what_is_not_made_for_filters_says_so():
-    folder, _, _ = committed("farhat")
-    record = json.loads((folder / "resources.json").read_text())
-    assert [name for name, *_ in record["out"]][:2] == ["f_hat", "f_bound"]
-    with pytest.raises(ToolError, match="fault estimation filter"):
-        prove(folder)
-    with pytest.raises(CertificateError, match="fault estimation filter"):
-        check_assurance(folder)

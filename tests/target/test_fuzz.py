@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
-from helpers.kept import POINTS, at, family_of
+from helpers.kept import KEPT, POINTS, at, family_of
 from helpers.scripts import GENERATED, prefix_of
 from helpers.tools import need
 
@@ -32,10 +32,10 @@ def test_committed_designs(folder):
     assert found.runs == 50000 and found.edges > 80
 
 
-@pytest.mark.parametrize("family", ["ellipsoid", "thresholds"])
-def test_point_observers(family):
-    """The set online and as a table; of the others the same common part."""
-    found = run(next(at(f) for f in POINTS if family_of(f) == family), 2000)
+@pytest.mark.parametrize("family", ["ellipsoid", "thresholds", "filter", "mode"])
+def test_other_observers(family):
+    """The set online and as a table, a filter, boxes; of the other point observers the same common part."""
+    found = run(next(at(f) for f in KEPT if family_of(f) == family), 2000)
     require(found)
     assert found.runs == 2000 and found.edges > 80
 
