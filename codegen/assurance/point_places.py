@@ -196,7 +196,7 @@ def _match(source: Source, function: str, node: Node, known: dict, modes: list[s
     values = [c.value for c in entries]
     names = {}
     for name, value in known.items():
-        for order in _orders(value):
+        for order in _orders(name, value):
             if order.size == len(values) and all(Fraction(float(v)) == c for v, c in zip(value.ravel()[order], values)):
                 names.setdefault(name, order)
     if not names:
@@ -217,20 +217,25 @@ MODE_FIRST = {*"MACVHPS", "F", "Fb", "Hb", "rho", "k", "kb", "kr", "Pb", "gb", "
               "shift", "reach"}
 
 
-def _orders(value: Array) -> Iterator[Array]:
+#: Fields whose first two axes are modes, of which the C has those of two different ones.
+PAIRS = {"J", "J_u", "J_shift", "J_radius", "J_u_radius", "J_reach", "birth"}
+
+
+def _orders(name: str, value: Array) -> Iterator[Array]:
     """The orders in which a field may be printed.
 
-    Its own, the directions beyond the outputs, column after column, of symmetric matrices the lower triangles, of
-    pairs of modes those of two different ones.
+    Its own, the directions beyond the outputs, column after column, or of symmetric matrices the lower triangles; of
+    pairs of modes one order alone.
     """
     at = np.arange(value.size).reshape(value.shape)
+    if name in PAIRS:
+        yield at[~np.eye(len(value), dtype=bool)].ravel()
+        return
     yield at.ravel()
     if value.ndim == 2 and len(value) > value.shape[1]:
         yield at[value.shape[1]:].ravel()  # the first directions are the outputs themselves
     if value.ndim >= 3 and value.shape[-2] == value.shape[-1] and np.array_equal(value, value.swapaxes(-2, -1)):
         yield at[(..., *np.tril_indices(value.shape[-1]))].ravel()
-    if value.ndim >= 3 and value.shape[0] == value.shape[1]:
-        yield at[~np.eye(len(value), dtype=bool)].ravel()
     if value.ndim >= 4:
         yield at.swapaxes(-2, -1).ravel()
         yield at.swapaxes(0, 1).ravel()  # mode by mode, in each the origins
