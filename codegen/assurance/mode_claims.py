@@ -40,6 +40,7 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
         Checks by exact arithmetic.
     """
     exact = tuple(name for name in own if name != "independent")  # which says nothing of delays
+    rooms = _rooms(design, t, HELD)  # before the delays, which rest on tables that hold the plant
     found = mode_certificate.proved(design.plant, t, cert)
     story = ("every story in which a wrong hypothesis lives longer is a linear program without solution: the true mode "
              "and its switch, inputs, measurements and the box of the hypothesis at every sample; a witness is checked "
@@ -63,7 +64,7 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
         "containment", "The box of the true mode, and of each that begins within a period, holds the true state after "
         "every sample: disturbance, the instant of the switch, rounded constants and sums are in what boxes gain.",
         "reach >= |int S e^(A s) w| + lost constants + gamma_k (terms); the jump within J +- J_radius over all of the "
-        "period; v, x_room alike for the measurement and the answer", _rooms(design, t, HELD),
+        "period; v, x_room alike for the measurement and the answer", rooms,
         "codegen.certify.mode_enclosure.check_enclosure", (*BOXES, "D", "v", "x_room", "S_inverse"),
         (*own, "validation", "target"))
     yield "a switch is identified within", claim(

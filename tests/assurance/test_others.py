@@ -1,0 +1,150 @@
+"""The assurance file of filters and mode estimators: every kind of C is read, what was changed is found."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import cache
+
+import pytest
+from helpers.kept import OTHERS, at, family_of
+from helpers.small_modes import stand_in
+
+from codegen.assurance.c_reader import blank
+from codegen.assurance.claims import OWN, claims
+from codegen.assurance.places import constants
+from codegen.designs import read_checked
+from codegen.emit.package import files
+from codegen.errors import CertificateError
+from codegen.observers import FAMILIES
+
+CASES = [(f.name, layout) for f in OTHERS if family_of(f) == "filter" for layout in ("literal", "table", "loop")]
+CASES += [("one input", "table"), ("no input, two outputs", "literal")]
+folders = pytest.mark.parametrize("folder", OTHERS, ids=lambda f: f.name)
+
+
+@cache
+def design_of(name):
+    return read_checked(at(next(f for f in OTHERS if f.name == name))) if "_" in name else stand_in(name, 3)
+
+
+@cache
+def printed(name, layout, real="float32"):
+    """C that is accepted as it is, with its constants."""
+    design = design_of(name)
+    p, texts = design.plant.target.prefix, files(design, real, layout, measure=False)
+    return texts[f"{p}.c"], texts[f"{p}.h"], constants(design, real, layout, texts[f"{p}.c"], texts[f"{p}.h"])
+
+
+def test_every_family_of_its_own_is_walked():
+    assert {family_of(f) for f in OTHERS} == set(OWN) and set(OWN) <= set(FAMILIES)
+
+
+@pytest.mark.parametrize("real", ["float32", "float64"])
+@pytest.mark.parametrize("name, layout", CASES)
+def test_constants_are_found_in_every_kind_of_c(name, layout, real):
+    text, _, found = printed(name, layout, real)
+    lines = text.splitlines()
+    assert sum(len(c.entries) for c in found) > 40
+    for c in found:
+        assert all(e.literal in lines[n - 1] for e in c.entries for n in e.lines)
+
+
+#: What the C says, what instead.
+CHANGED = {
+    "farhat_hinf-filter": (
+        ("s->since++;", "s->since = 0U;"), ("s->since >> 1U", "s->since >> 2U"), ("<= limit[i]", "< limit[i]"),
+        ("!= FARHAT_LOST)", "!= FARHAT_LAST)"), ("s->since = 36U;", "s->since = 56U;"), ("s->xi[i] = next[i];", ""),
+        ("threshold[row][in->mode]", "threshold[row][0]"), ("const bool known = (", "const bool known = !("),
+        ("raw |= (uint32_t)1U << i", "raw |= (uint32_t)0U << i"), ("out->f_hat[0] = common_0 +", "out->f_hat[0] = "),
+        ("(k[1] * s->xi[0])", "(k[1] * s->xi[1])"), ("(k[3] * in->y[0])", "(k[4] * in->y[0])")),
+    "one input": (
+        ("J_radius[pair][i][k]", "J_radius[pair][k][i]"), ("above[i] += reach[q][i];", "above[i] -= reach[q][i];"),
+        ("birth[pair][i];", "birth[0U][i];"), ("least = seen - v_hi[i];", "least = seen - v_lo[i];"),
+        ("(n == 1U) && (", "(n == 9U) && ("), ("below[i] -= room[i];", ""), ("-limit[i]", "limit[i]"),
+        ("matrix[i][k] >= 0.0F", "matrix[i][k] < 0.0F"), ("out->x_lo[i] = FLT_MAX", "out->x_lo[i] = FLT_MIN"),
+        ("value -= (D[i][j]", "value += (D[i][j]"), ("* valve_size(in->u[j])", "* in->u[j]")),
+}
+
+
+@pytest.mark.parametrize("name", CHANGED)
+def test_a_changed_c_is_refused(name):
+    """A statement, an index, an operator: nothing of the C may differ from what is printed of the design."""
+    text, header, _ = printed(name, "table")
+    for old, new in CHANGED[name]:
+        assert old in text, old
+        with pytest.raises(CertificateError, match="rint it again|Print the C again"):
+            constants(design_of(name), "float32", "table", text.replace(old, new, 1), header)
+    with pytest.raises(CertificateError, match="macros"):
+        constants(design_of(name), "float32", "table", text, re.sub(
+            r"(#define \w+_(?:LOST|AGES) )(\d+)U", r"\g<1>77U", header, count=1))
+
+
+@pytest.mark.parametrize("name", CHANGED)
+def test_two_numbers_of_a_table_may_not_change_places(name):
+    text, header, _ = printed(name, "table")
+    code = blank(text)
+    places = [m for m in re.finditer(r"([\d.e-]+F)( \} *,\s*\{ |, )(?!\1)([\d.e-]+F)", code)
+              if float(m[1][:-1]) != float(m[3][:-1])]
+    assert len(places) > 10
+    for m in places[:: len(places) // 8]:
+        with pytest.raises(CertificateError):
+            constants(design_of(name), "float32", "table", f"{code[:m.start()]}{m[3]}{m[2]}{m[1]}{code[m.end():]}",
+                      header)
+
+
+def spoilt(design, where, key, change):
+    """A design with one field of its tables, or entry of its certificate, changed."""
+    t, cert = design.observer.tables["float32"], design.certificate["float32"]
+    if where == "tables":
+        t = replace(t, **{key: change(getattr(t, key)).astype(getattr(t, key).dtype)})
+    elif where == "start":
+        t = replace(t, start=change(t.start))
+    else:
+        part = cert if where == "certificate" else cert[where]
+        cert = cert | ({key: change(part[key])} if part is cert else {where: part | {key: change(part[key])}})
+    return replace(design, observer=type(design.observer)({"float32": t}, design.observer.supervision),
+                   certificate={"float32": cert})
+
+
+FALSE = {
+    "filter": (
+        ("tables", "h", lambda h: 0.99 * h, "estimate of fault 0"), ("tables", "limit", lambda x: 1e-3 * x, "limit|xi"),
+        ("tables", "K", lambda K: 1.02 * K, "energy: smallest pivot|estimate of fault"),
+        ("tables", "M", lambda M: 1.05 * M, "energy: smallest pivot|not kept"),
+        ("tables", "x0_hi", lambda x: 0.9 * x, "ranges: x0 box"),
+        ("tables", "x_lo", lambda x: 0.9 * x, "ranges: x box"),
+        ("start", "", lambda k: 0 * k + 99, "starts at 99"),
+        ("certificate", "level", lambda g: 0.999 * g, "energy: square of the claimed level"),
+        ("energy", "level2", lambda g: 0.99 * g, "energy: smallest pivot of the matrix"),
+        ("energy", "P", lambda P: [[[-x for x in row] for row in p] for p in P], "energy: smallest pivot of a Lyap"),
+        ("set_of_both", "bounds", lambda b: [[0.98 * x for x in row] for row in b], "not kept")),
+    "mode": (
+        *(("tables", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("reach", 0.5, "reach of mode"), ("birth", 0.5, "birth from"), ("J_radius", 0.7, "jump from"),
+            ("J", 1.01, "jump from"), ("v_hi", 0.999, "does not hold"), ("x_room", 0.1, "x_room"),
+            ("start_hi", 0.999, "start"), ("wide_lo", 0.999, "wide"), ("limit", 0.2, "limit"))),
+        ("certificate", "worst", lambda k: k - 1, "identified: worst delay"),
+        ("certificate", "identified", lambda d: [[k - 1 for k in row] for row in d], "delays: delay of the decision"),
+        ("certificate", "start", lambda k: k - 1, "start: delay from power-up"),
+        ("certificate", "quiet", lambda k: k - 1, "quiet: age beyond"),
+        ("certificate", "dwell", lambda k: 3, "grow beyond|dwell time is 3"),
+        ("certificate", "widths", lambda w: [0.5 * x for x in w], "may grow beyond")),
+}
+
+
+@pytest.mark.parametrize("family", FALSE)
+def test_margins_refuse_what_does_not_hold(family):
+    design = design_of(next(f.name for f in OTHERS if family_of(f) == family))
+    assert all(m.holds for c in claims(design, "float32") for m in c.margins)
+    for where, key, change, words in FALSE[family]:
+        with pytest.raises(CertificateError, match=words):
+            claims(spoilt(design, where, key, change), "float32")
+
+
+@folders
+def test_no_claim_is_called_independent_that_the_checker_does_not_look_at(folder):
+    """Delays rest on linear programs whose witnesses the independent checker does not see: none says otherwise."""
+    for c in claims(design_of(folder.name), "float32"):
+        about = c.id in ("identified", "delays", "start", "quiet") or c.id.startswith("detection")
+        assert not (about and "independent" in c.checks), c.id

@@ -1,0 +1,215 @@
+"""The independent checker on filters and mode estimators: it agrees with the certificate, and refuses what is false."""
+
+from __future__ import annotations
+
+import ast
+import copy
+import json
+import re
+import sys
+from functools import cache
+
+import pytest
+from helpers.kept import OTHERS, at, family_of
+from helpers.scripts import prefix_of
+from helpers.small_modes import PLANTS, stand_in
+from synthesis.test_filter_design import DWELL, made
+from synthesis.test_independent import CHECKER, run
+
+from codegen.emit.package import generate
+
+FILES = sorted(CHECKER.parent.glob("independent*.py"))
+NAMES = {p.stem for p in FILES}
+
+
+@pytest.fixture(scope="module")
+def checker():
+    """The parts of the checker, in this process."""
+    sys.path.insert(0, str(CHECKER.parent))
+    try:
+        yield {name: __import__(f"independent_{name}") for name in ("filter", "energy", "births")}
+    finally:
+        sys.path.remove(str(CHECKER.parent))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.name)
+def test_uses_the_standard_library_only(path):
+    tree = list(ast.walk(ast.parse(path.read_text())))
+    names = {a.name.split(".")[0] for n in tree if isinstance(n, ast.Import) for a in n.names}
+    names |= {n.module.split(".")[0] for n in tree if isinstance(n, ast.ImportFrom)}
+    assert names <= set(sys.stdlib_module_names) | NAMES
+
+
+def test_proves_a_filter_with_a_dwell_time_and_a_copy_of_the_plant(tmp_path):
+    generate(made(DWELL), tmp_path / "lanes")
+    done = run(tmp_path / "lanes")
+    assert done.returncode == 0 and done.stdout.count("energy gain") == 2, done.stderr
+
+
+@cache
+def folder_of(family):
+    folder = at(next(f for f in OTHERS if family_of(f) == family))
+    return folder, json.loads((folder / "design.json").read_text())
+
+
+T, C = ("tables", "float32"), ("certificate", "float32")
+FILTER = {
+    "M": ((*T, "M", 0, 0, 0), 1.02, ""), "L": ((*T, "L", 0, 0, 0), 1.01, ""), "K": ((*T, "K", 0, 0, 0), 1.02, ""),
+    "Dy": ((*T, "Dy", 1, 0, 0), 1.02, ""), "first threshold": ((*T, "h", 0, 0, 0), 0.99, "threshold row 0"),
+    "threshold after a loss": ((*T, "h", 18, 1, 0), 0.99, "threshold row 18"),
+    "last threshold": ((*T, "h", 28, 0, 0), 0.999, "threshold"), "limit": ((*T, "limit", 0), 1e-3, ""),
+    "range": ((*T, "x_hi", 0), 0.9, "box x too small"), "initial box": ((*T, "x0_lo", 1), 0.9, "box x0 too small"),
+    "start": ((*T, "start"), 0, ""), "rows": ((*T, "lost"), 0, ""), "samples per row": ((*T, "shift"), 0, ""),
+    "bounds": ((*C, "set_of_both", "bounds", 0, 0), 0.98, "not kept"), "unit rows": (
+        (*C, "set_of_both", "rows", 0, 0), 1.5, "unit rows"),
+    "combination": ((*C, "set_of_both", "carry", 0, 0, 1, 0), 1.1, "not kept"),
+    "level": ((*C, "level"), 0.999, "level"), "proved level": ((*C, "energy", "level2"), 0.99, "energy gain"),
+    "P": ((*C, "energy", "P", 0, 0, 0), 1.01, "energy gain"), "P not symmetric": (
+        (*C, "energy", "P", 0, 0, 1), 1.01, "Lyapunov"), "dwell time": ((*C, "dwell_add"), 3, "dwell"),
+}
+
+
+def scaled(data, path, factor):
+    """A copy with one number changed: scaled, or a whole number put in its place."""
+    data = copy.deepcopy(data)
+    *way, last = path
+    place = data
+    for key in way:
+        place = place[key]
+    assert place[last] != factor
+    place[last] = factor if isinstance(place[last], int) else place[last] * factor
+    assert place[last] is not None
+    return data
+
+
+@pytest.mark.parametrize("name", FILTER)
+def test_refuses_false_claims_of_a_filter(name, checker):
+    folder, data = folder_of("filter")
+    path, factor, words = FILTER[name]
+    record = json.loads((folder / "resources.json").read_text())
+    with pytest.raises(SystemExit, match=f"refused: .*{words}"):
+        checker["filter"].main(folder, scaled(data, path, factor), record)
+
+
+@pytest.mark.parametrize("old, new, words", [
+    ('w = [{ name = "d", bounds = [-1, 1] }]', 'w = [{ name = "d", bounds = [-1.1, 1] }]', "energy gain"),
+    ("0.60 + 0.2*0.22*delta", "0.60 + 0.2*0.3*delta", "energy gain"),
+    ("Dw = [[0.25]]", "Dw = [[0.27]]", "energy gain"),
+    ("Bf = [[0.45], [0.25]]", "Bf = [[0.47], [0.25]]", "energy gain"),
+    ("x_hi = [0.1, 0.1]", "x_hi = [0.12, 0.1]", "box x0")])
+def test_refuses_a_filter_of_another_plant(old, new, words, checker):
+    folder, data = folder_of("filter")
+    assert data["plant"]["toml"].count(old) == 1
+    other = data | {"plant": data["plant"] | {"toml": data["plant"]["toml"].replace(old, new)}}
+    with pytest.raises(SystemExit, match=words):
+        checker["filter"].main(folder, other, json.loads((folder / "resources.json").read_text()))
+
+
+def test_bounds_alone_are_refused_where_the_plant_is_another(checker):
+    """The thresholds for themselves, without the energy gain before them."""
+    module, (_, data) = checker["filter"], folder_of("filter")
+    t, cert, graph = data["tables"]["float64"], data["certificate"]["float64"]["set_of_both"], ([None], [(0, 0, 0),
+                                                                                                        (0, 1, 0)])
+    toml = data["plant"]["toml"]
+    for text, kept in ((toml, True), (toml.replace("[-1, 1] }]\nf", "[-1.02, 1] }]\nf"), False),
+                       (toml.replace("0.2*0.22*delta", "0.2*0.23*delta"), False)):
+        modes, ranges, box0 = module.read_plant(text)
+        if kept:
+            module.check_thresholds(module.Set(modes, t, cert, graph), t, cert, ranges, box0)
+        else:
+            assert text != toml
+            with pytest.raises(SystemExit, match="not kept"):
+                module.Set(modes, t, cert, graph)
+
+
+@cache
+def sampled(name):
+    """Tables of small plants, whose delays nobody certified, and of the committed one."""
+    if name == "committed":
+        return folder_of("mode")[1]
+    design = stand_in(name, 3)
+    return {"plant": {"toml": PLANTS[name]}, "tables": {r: t.to_dict() for r, t in design.observer.tables.items()}}
+
+
+def boxes(module, data, real, plants):
+    """Everything about the boxes of one number type; the exponentials of a plant are calculated once."""
+    modes, ranges, box0 = module.read_plant(data["plant"]["toml"])
+    t, S = data["tables"][real], json.dumps(data["tables"][real]["S"])
+    if S not in plants:
+        period = module.tomllib.loads(data["plant"]["toml"])["time"]["sample_period"]
+        plants[S] = module.Plant(modes, module.exact(t["S"]), module.F(float(period)))
+    tables = module.Tables(modes, t, plants[S])
+    tables.starts(ranges, box0)
+    tables.answers(ranges)
+    for j in range(len(modes)):
+        lost, sums = tables.step(j)
+        for i in (i for i in range(len(modes)) if i != j):
+            tables.birth(i, j, lost, sums)
+
+
+@pytest.fixture(scope="module")
+def plants():
+    return {}
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_proves_boxes_of_every_kind_of_plant(name, checker, plants):
+    for real in ("float32", "float64"):
+        boxes(checker["births"], sampled(name), real, plants)
+
+
+MODES = {"reach": 0.5, "birth": 0.5, "J_radius": 0.7, "J_u_radius": 0.5, "J_reach": 0.5, "v_lo": 0.99, "v_hi": 0.99,
+         "x_room": 0.01, "start_hi": 0.999, "wide_lo": 0.999, "limit": 0.2, "Phi": 1.001, "Gamma": 0.999, "J": 1.01,
+         "J_u": 1.01, "S_inverse": 1.001, "D": 1.01}
+
+
+@pytest.mark.parametrize("name", MODES)
+def test_refuses_false_boxes(name, checker, plants):
+    data = copy.deepcopy(sampled("one input"))
+    table = data["tables"]["float32"]
+
+    def change(value):
+        return [change(v) for v in value] if isinstance(value, list) else value * MODES[name]
+
+    table[name] = change(table[name])
+    with pytest.raises(SystemExit, match="refused: "):
+        boxes(checker["births"], data, "float32", plants)
+
+
+def test_rounding_counts(checker, plants):
+    """Boxes that hold the plant in double precision do not hold what float32 rounds on the way."""
+    data = copy.deepcopy(sampled("one input"))
+    t = data["tables"]["float64"]
+    boxes(checker["births"], data, "float64", plants)
+    t["real"] = "float32"
+    with pytest.raises(SystemExit, match="refused: "):
+        boxes(checker["births"], data, "float64", plants)
+
+
+#: What of the C, and what instead.
+CHANGES = {
+    "filter": ((r"(limit\[\w+\] = \{\s*)[\d.]+F", r"\g<1>0.123F"), (r"\{ (-?[\d.]+F), (-?[\d.]+F)", r"{ \1, 0.5F"),
+               (r"\{ (\{ [\d.]+F \}), (\{ [\d.]+F \}) \}", r"{ \2, \1 }"), (r"since = 36U", "since = 56U"),
+               (r"since >> 1U", "since >> 2U"), (r"since = 0U", "since = 1U"), (r">= -10\.0F", ">= -11.0F")),
+    "mode": ((r"(limit\[\w+\] = \{\s*)[\d.]+F", r"\g<1>0.123F"), (r"(room\[\w+\] = \{\s*)[\d.e-]+F", r"\g<1>0.0F"),
+             (r"(birth\[[^{]*\{\s*\{ )([\d.e-]+F), ([\d.e-]+F)", r"\1\3, \2"), (r"<= 15\.0F", "<= 16.0F"),
+             (r"below\[i\] = 0\.0F", "below[i] = 1.5F")),
+}
+
+
+@pytest.mark.parametrize("family, part", [("filter", "filter"), ("mode", "births")])
+def test_refuses_another_c(family, part, checker):
+    folder, data = folder_of(family)
+    prefix, check = prefix_of(folder), checker[part].check_source
+    text, header = ((folder / f"{prefix}.{end}").read_text() for end in "ch")
+    check(text, header, data["tables"]["float32"], prefix)
+    for pattern, new in CHANGES[family]:
+        other, count = re.subn(pattern, new, text, count=1)
+        assert count == 1 and other != text, pattern
+        with pytest.raises(SystemExit, match="refused: "):
+            check(other, header, data["tables"]["float32"], prefix)
+            pytest.fail(pattern)
+    other, count = re.subn(r"(#define \w+_(?:LOST|OLDEST) )\d+U", r"\g<1>3U", header)
+    assert count == 1
+    with pytest.raises(SystemExit, match="refused: (?:macro|ages)"):
+        check(text, other, data["tables"]["float32"], prefix)
