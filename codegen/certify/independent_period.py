@@ -1,8 +1,8 @@
 """A period of a plant whose mode may change in it, enclosed: what ``independent_births.py`` rests on.
 
 Standard library only, nothing of residua imported; exact fractions. Exponentials are Taylor sums on a grid of 2^-256.
-T f(t) = T S e^(A_j (T - t)) (D e^(W t)) V, D what modes i and j differ in, is taken at the middles of PIECES parts of the
-period and bounded between them by its first two derivatives.
+T f(t) = T S e^(A_j (T - t)) (D e^(W t)) V, D what modes i and j differ in, is taken at the middles of PIECES parts of
+the period and bounded between them by its first two derivatives.
 """
 
 import sys

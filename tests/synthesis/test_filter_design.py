@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from functools import lru_cache
@@ -11,6 +12,7 @@ import pytest
 
 from codegen import filter_designs
 from codegen.certify import filter_bounds
+from codegen.emit.package import files
 from codegen.errors import CertificateError, DesignError, PlantError
 from codegen.filter_tables import corners, floats
 from codegen.observers.supervisor import BAD_MODE, OK
@@ -19,6 +21,7 @@ from codegen.plant.load import load, loads
 from codegen.synthesis import METHODS
 from codegen.synthesis.fault_filter import stated
 from tests.helpers.filters import hostile
+from tests.synthesis.test_independent import run
 
 FARHAT = load("farhat").text
 REALS = ("float32", "float64")
@@ -220,6 +223,19 @@ def test_dwell_time_is_watched_and_starts_the_thresholds_again():
     without = re.sub(r"\[switching\]\nminimum_dwell = 0.4\n", "", DWELL)
     with pytest.raises(DesignError, match="stable under"):
         design(loads(without))
+
+
+def test_the_independent_checker_takes_a_dwell_time_and_a_copy_of_the_plant(tmp_path):
+    d = made(DWELL)
+    for name, text in files(d, measure=False).items():
+        (tmp_path / name).write_text(text)
+    d.save(tmp_path / "design.json")
+    done = run(tmp_path)
+    assert done.returncode == 0 and done.stdout.count("energy gain") == 2, done.stderr
+    data = json.loads((tmp_path / "design.json").read_text())
+    data["supervision"]["dwell_add"] -= 1  # the firmware would let modes change faster than is proved
+    (tmp_path / "design.json").write_text(json.dumps(data))
+    assert "dwell time watched" in run(tmp_path).stderr
 
 
 def test_known_inputs_are_taken_out_of_the_estimate():

@@ -13,10 +13,7 @@ import pytest
 from helpers.kept import OTHERS, at, family_of
 from helpers.scripts import prefix_of
 from helpers.small_modes import PLANTS, stand_in
-from synthesis.test_filter_design import DWELL, made
-from synthesis.test_independent import CHECKER, run
-
-from codegen.emit.package import generate
+from synthesis.test_independent import CHECKER
 
 FILES = sorted(CHECKER.parent.glob("independent*.py"))
 NAMES = {p.stem for p in FILES}
@@ -38,12 +35,6 @@ def test_uses_the_standard_library_only(path):
     names = {a.name.split(".")[0] for n in tree if isinstance(n, ast.Import) for a in n.names}
     names |= {n.module.split(".")[0] for n in tree if isinstance(n, ast.ImportFrom)}
     assert names <= set(sys.stdlib_module_names) | NAMES
-
-
-def test_proves_a_filter_with_a_dwell_time_and_a_copy_of_the_plant(tmp_path):
-    generate(made(DWELL), tmp_path / "lanes")
-    done = run(tmp_path / "lanes")
-    assert done.returncode == 0 and done.stdout.count("energy gain") == 2, done.stderr
 
 
 @cache
