@@ -44,7 +44,7 @@ class HarnessView:
     ``least`` and ``most`` are initialisers of the state struct, one per member; ``numbers`` and ``words`` are
     its elements by type. ``given`` are numbers of an error set, which start between their ends but are not shown to
     stay there (``set_ranges``); ``about`` are the lines of the comment that says what does. ``told`` is the member of
-    the input that is the mode, where it has one.
+    the input that is the mode, where it has one. ``by_predict`` is zero where predict refuses anything, else nothing.
     """
 
     interval: str
@@ -62,6 +62,7 @@ class HarnessView:
     beyond_y: tuple[Number, ...]
     beyond_theta: tuple[Number, ...]
     told: tuple[str, ...]
+    by_predict: tuple[str, ...]
 
 
 def harness(design, d: DesignView) -> HarnessView:
@@ -109,7 +110,8 @@ def harness(design, d: DesignView) -> HarnessView:
         good=tuple(n for v, lo, hi in _accepted(vectors, t) for n in _numbers(v, lo, hi, d.real)),
         beyond_u=_beyond("u", t.u_lo, t.u_hi, d.real), beyond_y=_beyond("y", t.y_lo, t.y_hi, d.real),
         beyond_theta=_beyond(*vectors[2], d.real) if d.theta else (),
-        told=tuple(f.name for f in d.in_fields if f.name == "mode"))
+        told=tuple(f.name for f in d.in_fields if f.name == "mode"),
+        by_predict=("0U",) * any(f.name in ("mode", "u", "theta") for f in d.in_fields))
 
 
 def _accepted(vectors, t):

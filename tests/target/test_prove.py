@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from helpers import small_modes
 from helpers.designs import GUARDED, stand_in
 from helpers.folders import write
 from helpers.kept import OTHERS, POINTS, STATED, at, family_of
@@ -99,6 +100,37 @@ def test_what_is_wrong_of_a_set_is_not_proved(mutant, tmp_path):
     rewrite(folder, f"{prefix_of(folder)}.c", pattern, text, 0)
     result = prove(folder)
     assert not result.proved and any(re.search(words, alarm) for alarm in result.alarms), result.alarms
+
+
+OTHER_MUTANTS = {  # of a filter and of a small mode estimator: what of the C, what instead, what Eva says
+    "a count beyond the table": ("filter", r"s->since >> 1U", "s->since >> 0U", "row <"),
+    "a count without end": ("filter", r"&& \(s->since < \w+_LAST\)\)", ")", "s->since"),
+    "a state of any size": ("filter", r"\(k\[1\] \* s->xi\[0\]\)", "(3e38F * s->xi[0])", "is_finite"),
+    "no estimate": ("filter", r"(?m)^        farhat_estimate\(s, in, out\);\n", "", "initialized"),
+    "ends of any size": ("mode", r"\(matrix\[i\]\[k\] \* lo\[k\]\)", "(3e38F * lo[k])", "is_finite"),
+    "a decision that is no mode": ("mode", r"\(s->decided < VALVE_MODES\) \? s->decided : 0U", "VALVE_MODES", "q < 2"),
+    "bounds without a beginning": ("mode", r"out->x_lo\[i\] = FLT_MAX;", "", "initialized")}
+
+
+@pytest.mark.parametrize("mutant", OTHER_MUTANTS)
+def test_what_is_wrong_of_filters_and_boxes_is_not_proved(mutant, tmp_path):
+    need("frama-c")
+    family, pattern, text, words = OTHER_MUTANTS[mutant]
+    folder = tmp_path / "copy"
+    if family == "filter":
+        shutil.copytree(at(next(f for f in OTHERS if f.name.startswith("farhat"))), folder)
+    else:
+        write(small_modes.stand_in("one input", 1), folder)
+    rewrite(folder, f"{prefix_of(folder)}.c", pattern, text, 0)
+    result = prove(folder)
+    assert not result.proved and any(re.search(words, alarm) for alarm in result.alarms), result.alarms
+
+
+def test_a_mode_estimator_without_inputs_is_proved(tmp_path):
+    """Nothing that it is told can be wrong but the measurements: predict refuses nothing."""
+    need("frama-c")
+    result = prove(write(small_modes.stand_in("no input, two outputs", 1), tmp_path, "float64", "literal"))
+    assert result.proved, result.alarms
 
 
 def test_weak_mode_guard_reads_beyond_a_table(tmp_path):

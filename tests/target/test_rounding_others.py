@@ -1,0 +1,88 @@
+"""The scripts of filters and mode estimators are about the sums that the reference calculates, with ==."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from helpers.kept import OTHERS, at, family_of
+from helpers.small_modes import PLANTS, stand_in
+from target.test_gappa import REALS, evaluate, fraction, script_of
+
+from codegen.certify.exact import Q
+from codegen.certify.filter_model import joint, rounding_of
+from codegen.designs import read_design
+from codegen.observers.filter import add_terms
+from codegen.observers.mode_set import ModeSet, affine, image
+
+ROW = r'(?m)^# [^\n]*: margin [^\n]*\n(\w+) r=$'
+FILTERS = [f for f in OTHERS if family_of(f) == "filter"]
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("folder", FILTERS, ids=lambda f: f.name)
+def test_script_of_a_filter_is_about_the_sums_of_the_reference(folder, real):
+    """The margin of each is what the model behind the thresholds holds for the rounding of the sum."""
+    design, rng = read_design(at(folder)), np.random.default_rng(3)
+    t, text = design.observer.tables[real], script_of(design, real)
+    ranges = ((-t.limit, t.limit), (t.u_lo, t.u_hi), (t.y_lo, t.y_hi))
+    xi, u, y = (rng.uniform(lo, hi).astype(real) for lo, hi in ranges)
+    values = {f"{s}_{j}": a for s, row in (("s_xi", xi), ("in_u", u), ("in_y", y)) for j, a in enumerate(row)}
+    checked, model = 0, joint(design.plant.observed.modes, t)
+    for note, name, which, i in re.findall(
+            r'(?m)^# [^\n]*, mode (.*): margin [^\n]*\n(\w+_(estimate|forward)_(\d+)_mode_\d+) r=$', text):
+        of_u, of_y, state = (getattr(t, k) for k in (("Du", "Dy", "K") if which == "estimate" else ("G", "L", "M")))
+        i, margin = int(i), Q(float.fromhex(re.search(rf"exact_{name}\| <= (\S+)", text)[1]))
+        for q, mode in enumerate(design.plant.modes):
+            if f'"{mode.name}"' not in note:
+                continue
+            p = np.array([q])
+            result = add_terms(add_terms(add_terms(np.zeros((1, state.shape[1]), real), of_u[p], u[None]), of_y[p],
+                                         y[None]), state[p], xi[None])
+            assert evaluate(text, name, values, np.dtype(real).type) == result[0, i], name
+            held = rounding_of(t, which, q)[i]
+            assert 0 < margin <= held
+            if which == "forward":  # what the model of the proof adds for this very sum
+                push = next(x for x in model[q].pushes if x.h[len(t.x_lo) + i] == 1 and not np.any(x.seen)
+                            and np.any(x.weight) and not np.any(x.S))
+                assert push.room + sum(w * Q(b) for w, b in zip(push.weight[len(t.x_lo):], t.limit)) == held
+            checked += 1
+    assert checked == len(design.plant.modes) * (len(t.limit) + t.K.shape[1])
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("plant", PLANTS)
+def test_script_of_a_mode_estimator_is_about_the_sums_of_the_reference(plant, real):
+    design, rng = stand_in(plant, 3), np.random.default_rng(4)
+    t, text, run = design.observer.tables[real], script_of(design, real), ModeSet(design.observer.tables[real])
+    lo, hi = np.sort(rng.uniform(-t.limit, t.limit, (2, len(t.limit))), axis=0).astype(real)
+    u, y = (rng.uniform(a, b).astype(real) for a, b in ((t.u_lo, t.u_hi), (t.y_lo, t.y_hi)))
+    size = np.where(-lo > hi, -lo, hi)
+    values = {f"{s}_{j}": a for s, row in (("s_lo", lo), ("s_hi", hi), ("in_u", u), ("in_y", y), ("a", np.abs(u)),
+                                           ("m", size)) for j, a in enumerate(row)}
+    expected, prefix = {}, design.plant.target.prefix
+    ends = zip(("lo", "hi"), (run.seen(u, y) - t.v_hi, run.seen(u, y) - t.v_lo))
+    expected |= {f"cut_{side}_{i}": v for side, row in ends for i, v in enumerate(row)}
+    below, above = image(t.S_inverse, lo, hi, np.zeros(len(lo), real))
+    for side, row in (("lo", below - t.x_room), ("hi", above + t.x_room)):
+        expected |= {f"answer_{side}_{i}": v for i, v in enumerate(row)}
+    modes = range(design.plant.n_modes)
+    for q in modes:
+        base = run.carried(q, (lo, hi), u)
+        for side, row in (("lo", base[0] - t.reach[q]), ("hi", base[1] + t.reach[q])):
+            expected |= {f"carried_{side}_{i}_mode_{q}": v for i, v in enumerate(row)}
+        for p in (p for p in modes if p != q):
+            added, _ = image(t.J[p, q], lo, hi, affine(t.J_shift[p, q], t.J_u[p, q], u))
+            radius = affine(affine(t.J_reach[p, q], t.J_u_radius[p, q], np.abs(u)), t.J_radius[p, q], size)
+            row = (base[0] + (added - radius)) - t.birth[p, q]
+            expected |= {f"born_{i}_modes_{p}_{q}": v for i, v in enumerate(row)}
+    names = re.findall(ROW, text)
+    assert {f"{prefix}_{name}" for name in expected} == set(names) and len(names) == len(expected)
+    for name, value in expected.items():
+        rounded, exact = (evaluate(text, f"{s}{prefix}_{name}", values, fraction) for s in ("", "exact_"))
+        assert rounded == exact
+        got = evaluate(text, f"{prefix}_{name}", values, np.dtype(real).type)
+        assert got == value, name
+        assert abs(fraction(got) - exact) <= fraction(float.fromhex(
+            re.search(rf"exact_{prefix}_{name}\| <= (\S+)", text)[1]))
