@@ -21,8 +21,9 @@ the C and refuses any difference. It names no date: the same design, C and tools
 ``places`` finds the lines: it parses the C and executes it with symbols (``c_reader``, ``symbolic``), so a constant is
 located by what it multiplies, not by how it looks; ``read_varying`` does so where coefficients depend on parameters
 (``M_theta`` are slopes, index [parameter, row, column]) or radii move the bounds apart, ``point_places`` reads the sets
-of point observers table by table. ``claims`` and ``margins`` state the conditions, ``point_claims`` and
-``point_margins`` those of sets (a new kind needs an entry in the dicts of both, and in ``emit.set_ranges`` if its state
-has words of its own), ``plant_lines`` finds the plant's entries, ``checks`` knows the commands, ``statement`` puts all
-that together, ``document`` is the file.
+of point observers table by table, ``own_places`` filters and mode estimators. ``claims`` and ``margins`` state the
+conditions, ``filter_claims`` and ``mode_claims`` those of the families with claims of their own (``claims.OWN``),
+``point_claims`` and ``point_margins`` those of sets (a new kind needs an entry in the dicts of both, and in
+``emit.set_ranges`` if its state has words of its own), ``plant_lines`` finds the plant's entries, ``checks`` knows the
+commands, ``statement`` puts all that together, ``document`` is the file.
 """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 from pycparser import c_ast, c_parser
 
@@ -41,6 +42,7 @@ class Source:
         return self.functions[name]
 
 
+@lru_cache(maxsize=4)  # a C is read beside the same one printed anew, often more than once
 def read(prefix: str, text: str, header: str) -> Source:
     """Parse ``<prefix>.c``.
 

@@ -171,16 +171,30 @@ def of_design(folder: Path, prefix: str, measured: dict, stated: bool = True) ->
         done = {"exact": ("passed", {}, f"{OWN}, python-flint {flint.__version__}"),
                 "detection": ("passed", {"tolerance": 1e-9}, OWN), "read-back": ("passed", {}, OWN)}
     if (folder / "design.json").is_file():
-        checker = subprocess.run([sys.executable, independent.__file__, str(folder)], capture_output=True, text=True,
-                                 check=False)
-        says = checker.stdout.splitlines() if not checker.returncode else checker.stderr.splitlines()[-1:]
-        state = "not run" if checker.returncode == 2 else _state(not checker.returncode)  # 2: it knows no such set
+        status, says = _checker(folder, prefix)
+        state = "not run" if status == 2 else _state(not status)  # 2: it knows no such set
         done["independent"] = (state, {"says": says}, f"{OWN}, Python's fractions" if state != "not run" else "")
     if measured:
         done["compile"] = ("passed", {k: {"flags": m.get("flags"), "flash_bytes": m.get("flash_bytes")}
                                       for k, m in measured.items()},
                            ", ".join(str(m.get("compiler")) for m in measured.values()))
     return [entry(folder, prefix, check, *done.get(check, ())) for check in CHECKS]
+
+
+#: What the checker said of the very same files before, in this process.
+_SAID: dict[str, tuple[int, list[str]]] = {}
+
+
+def _checker(folder: Path, prefix: str) -> tuple[int, list[str]]:
+    """Run the independent checker: its status and its words."""
+    files = digests(folder, ("design.json", "resources.json", f"{prefix}.c", f"{prefix}.h"))
+    key = "".join(map(str, files.values()))
+    if key not in _SAID:
+        ran = subprocess.run([sys.executable, independent.__file__, str(folder)], capture_output=True, text=True,
+                             check=False)
+        _SAID[key] = ran.returncode, ran.stderr.splitlines()[-1:] if ran.returncode else ran.stdout.splitlines()
+    status, says = _SAID[key]
+    return status, list(says)
 
 
 def version(tool: str) -> str:
