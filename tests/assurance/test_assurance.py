@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from helpers.designs import VARIANTS, stand_in
 from helpers.kept import OTHERS, POINTS, STATED, at
+from helpers.table_numbers import every_number_of_a_set, every_number_of_the_family
 
 import codegen
 from codegen.assurance import document
@@ -137,49 +138,6 @@ def test_every_number_of_the_tables_is_there(folder, made):
     for name in ("x_lo", "x_hi", "x0_lo", "x0_hi", "u_lo", "u_hi", "y_lo", "y_hi"):
         for (i,), value in np.ndenumerate(getattr(t, name)):
             assert found[name, "", i] == float(value)
-
-
-def every_number_of_the_family(t, found, modes):
-    """All arrays of the tables but the ranges of x, which the C does not know, and S; of pairs of modes no diagonal."""
-    by_mode, checked = {key[0] for key in found if key[1]}, 0
-    for name, value in vars(t).items():
-        if not isinstance(value, np.ndarray) or name in ("S", "x_lo", "x_hi", "x0_lo", "x0_hi"):
-            continue
-        if name not in {key[0] for key in found} and not np.any(value):
-            continue  # a product with zeros alone is left out
-        for index, v in np.ndenumerate(value):
-            if name.startswith(("J", "birth")) and index[0] == index[1]:
-                continue
-            key = (modes[index[0]], *index[1:]) if name in by_mode else ("", *index)
-            assert found[name, *key] == float(v), (name, index)
-            checked += 1
-    assert checked == len(found)
-
-
-def every_number_of_a_set(t, found, modes):
-    """Estimate, set, box and input checks, each entry with its value; fields with equal numbers have one name."""
-    stems = {key[0] for key in found}
-    printed = [k for k in vars(t.shape) if k not in getattr(t.shape, "unprinted", ())]
-    for name in (*"MGLNdABaCDc", "box", "u_lo", "u_hi", "y_lo", "y_hi", *printed):
-        value = getattr(t.shape, name) if name in vars(t.shape) else getattr(t, name)
-        stem = f"{name} of the set" if name in vars(t) and name in vars(t.shape) else name
-        if stem not in stems or not isinstance(value, np.ndarray):
-            same = [v for k, v in vars(t.shape).items() if k != name and k in stems and np.array_equal(v, value)]
-            # Whole numbers are compared with the C's text, directions beyond the outputs there may be none.
-            assert same or not isinstance(value, np.ndarray) or name in ("directions", "N") or not np.any(value), name
-            continue
-        beyond = t.C.shape[1] if name == "directions" and (name, "", 0, 0) not in found else 0
-        square = value.ndim >= 3 and value.shape[-2] == value.shape[-1]
-        symmetric = square and np.array_equal(value, value.swapaxes(-2, -1))
-        for index, v in np.ndenumerate(value):
-            if index and index[0] < beyond:
-                continue  # the first directions are the outputs themselves
-            if symmetric and index[-1] > index[-2] and not any(
-                    (stem, *key) in found for key in (("", *index), (modes[index[0]], *index[1:]))):
-                continue  # the C has the lower triangle, each entry of which is looked for
-            mode = (modes[index[0]], *index[1:]) if index and (name, modes[0], *index[1:]) in found and (
-                stem == name) else ("", *index)
-            assert found[stem, *mode] == float(v), (name, index)
 
 
 @names

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
-from helpers.kept import OTHERS, POINTS, STATED, at
+from helpers.kept import OTHERS, POINTS, STATED, at, family_of
 from helpers.scripts import GENERATED
 from helpers.tools import need
 
@@ -72,11 +72,11 @@ def put(text, to):
 
 
 def kept():
-    """Every kept design in the plant file's type, framers in the other type too."""
+    """Every kept design in the plant file's type, framers and filters in the other type too."""
     for folder in STATED:
         own = json.loads((folder / "resources.json").read_text())["real"]
         yield from (pytest.param(folder, real, id=f"{folder.name}-{real}") for real in REALS
-                    if real == own or folder not in POINTS)
+                    if real == own or (folder not in POINTS and family_of(folder) != "mode"))
 
 
 @pytest.mark.parametrize(("folder", "real"), list(kept()))
