@@ -206,7 +206,8 @@ class Population:
         told = [f"{of[name][0]} {drawn[getattr(self, name)]}, drawn anew at every sample" for name in of if of[name][1]]
         modes = {"random": "modes in random order that keep to the declared switching", "scenario": "modes as in the "
                  "scenarios of the plant file"}
-        told += [modes[self.modes]] * (plant.n_modes > 1) + ["inputs as in the scenarios of the plant file"] * bool(plant.u)
+        told += [modes[self.modes]] * (plant.n_modes > 1)
+        told += ["inputs as in the scenarios of the plant file"] * bool(plant.u)
         return (f"{self.steps} samples from the initial box", *told, "no measurement missing")
 
 
