@@ -13,7 +13,7 @@ from .certify.switched_gain import check_gain
 from .errors import CertificateError, DesignError
 from .synthesis import hinf_filter, hinf_projection
 from .synthesis.hinf_analysis import balanced, level_of, rounded, stability_margin
-from .synthesis.hinf_condition import conditioned, unscaled
+from .synthesis.hinf_condition import conditioned, is_skewed, unscaled
 from .synthesis.hinf_filter import REMEDY, FilterDesign
 from .synthesis.hinf_problem import FilterProblem, is_slight, without_slight
 from .synthesis.hinf_reduction import reduce_order
@@ -50,8 +50,8 @@ class CertifiedFilter:
 def proofs(problem: FilterProblem, gains, start: dict):
     """Proofs to be tried: of the problem, then of it less its slight uncertainties, with multipliers for these."""
     some = False
-    as_stated = problem, [[np.ones(1) for _ in m.blocks] for m in problem.modes]
-    for plain, scales in (as_stated, conditioned(problem)):
+    forms = [(problem, [[np.ones(1) for _ in m.blocks] for m in problem.modes]), conditioned(problem)]
+    for plain, scales in reversed(forms) if is_skewed(problem) else forms:
         for margin in MARGINS:
             found = level_of(plain, gains, start, margin)
             if found is not None:
@@ -137,7 +137,8 @@ def designed(problem: FilterProblem) -> tuple[FilterDesign, FilterProblem]:
         No filter exists.
     """
     slight = any(is_slight(b) for m in problem.modes for b in m.blocks)
-    forms = [form for whole in (problem, conditioned(problem)[0])
+    wholes = [problem, conditioned(problem)[0]]
+    forms = [form for whole in (reversed(wholes) if is_skewed(problem) else wholes)
              for form in ((whole, whole), (whole, without_slight(whole)))[:1 + slight]]
     for whole, form in forms[:-1]:
         with suppress(DesignError):

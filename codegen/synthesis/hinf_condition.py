@@ -26,6 +26,11 @@ def scale_of(block: Block) -> Array:
     return np.where(known, 2.0 ** np.round(np.log2(np.where(known, there / np.where(known, here, 1), 1)) / 2), 1.0)
 
 
+def input_sizes(problem: FilterProblem) -> Array:
+    """What each input moves at most in any mode, (n_d,)."""
+    return np.max([np.linalg.norm(np.vstack([m.E, m.F, m.Fz]), axis=0) for m in problem.modes], axis=0)
+
+
 def conditioned(problem: FilterProblem) -> tuple[FilterProblem, list[list[Array]]]:
     """Balance blocks and drop inputs that are next to nothing.
 
@@ -40,8 +45,7 @@ def conditioned(problem: FilterProblem) -> tuple[FilterProblem, list[list[Array]
     scales : list of list of ndarray
         D per mode and block, for ``unscaled``.
     """
-    size = np.max([np.linalg.norm(np.vstack([m.E, m.F, m.Fz]), axis=0) for m in problem.modes], axis=0)
-    keep = np.flatnonzero(size > NOTHING)
+    keep = np.flatnonzero(input_sizes(problem) > NOTHING)
 
     def mode(m: FilterMode, scales: list[Array]) -> FilterMode:
         n = len(m.A)
@@ -51,6 +55,11 @@ def conditioned(problem: FilterProblem) -> tuple[FilterProblem, list[list[Array]
 
     scales = [[scale_of(b) for b in m.blocks] for m in problem.modes]
     return replace(problem, modes=tuple(mode(m, d) for m, d in zip(problem.modes, scales))), scales
+
+
+def is_skewed(problem: FilterProblem) -> bool:
+    """Whether a problem has inputs that are nothing but rounding: as it is stated solvers fail on it."""
+    return bool(np.any(input_sizes(problem) <= NOTHING))
 
 
 def unscaled(multipliers: list[list[dict]], scales: list[list[Array]]) -> list[list[dict]]:
