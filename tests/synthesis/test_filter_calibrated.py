@@ -57,7 +57,7 @@ def alarms(made, population: Population, runs: int) -> float:
 
 
 def test_further_runs_alarm_as_rarely_as_said_and_runs_of_another_kind_do_not(made):
-    assert 0 < alarms(made, Population(steps=60), 400) <= 0.1
+    assert 0 < alarms(made, Population(steps=60), 250) <= 0.1
     assert alarms(made, Population(steps=60, w="corner", theta="corner"), 40) > 0.5
 
 
