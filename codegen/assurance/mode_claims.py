@@ -84,6 +84,12 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
         "quiet", "No wrong hypothesis grows old enough to give birth itself: " + story + ".",
         "quiet < ages + 1", [Margin("oldest age beyond the last one of a wrong hypothesis", fmpq(
             cert["ages"] - cert["quiet"])), stated("quiet", "age beyond the proved one")])
+    if "restart" in cert:
+        yield "after a reset, and after an alarm", claim(
+            "restart", "From the declared range every wrong hypothesis is dead in time: " + story + ".",
+            "the same programs, begun in the declared range",
+            [stated("restart", "delay after an alarm beyond the proved one"),
+             stated("calm", "samples until all holds again beyond the proved ones")], constants=(*BOXES, "v", "wide"))
 
 
 def ranges(design, t, cert: dict, build: type, checks: tuple):
