@@ -58,11 +58,12 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
             checks=("read-back", "validation", "target"))
     else:
         yield "while no fault acts no |f_hat| exceeds", claim(
-            "no-alarm", "A set |r_i e| <= b_i of plant and filter together is kept by every step, whatever disturbance, "
-            "noise, inputs, unknown parameters and rounding do; each threshold holds the estimate over all of the set.",
+            "no-alarm", "A set |r_i e| <= b_i of plant and filter together is kept by every step, whatever "
+            "disturbance, noise, inputs, unknown parameters and rounding do; each threshold holds the estimate over "
+            "all of the set.",
             "|r_i J - sum lambda_j r_j| |e| + sum |lambda_j| b_j + |r_i W| 1 + sum |r_i h_l| (|S_l e| + weight_l |e| + "
-            "room_l) <= b_i; h >= the same of f_hat = O e + V d, from anywhere, after a lost sample, and for ever", rests,
-            "codegen.certify.filter_bounds.check", [*found["kept"], *found["threshold"]])
+            "room_l) <= b_i; h >= the same of f_hat = O e + V d, from anywhere, after a lost sample, and for ever",
+            rests, "codegen.certify.filter_bounds.check", [*found["kept"], *found["threshold"]])
     yield "once settled f_bound is", claim(
         "settled", "The last row of the table holds for ever: the set is not left. The rows before it are as many as "
         "the bounds take to come down to those of the set.",

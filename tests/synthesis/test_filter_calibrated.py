@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 from dataclasses import replace
 
@@ -37,6 +38,14 @@ def made():
 @pytest.fixture(scope="module")
 def folder(made, tmp_path_factory):
     return codegen.generate(made, tmp_path_factory.mktemp("calibrated") / "farhat")
+
+
+def test_assurance_calls_no_calibrated_threshold_proved(folder):
+    stated = json.loads((folder / "assurance.json").read_text())
+    (claim,) = [c for c in stated["claims"] if c["id"] == "calibrated"]
+    assert "independent" not in claim["checks"] and not any(c["id"] == "no-alarm" for c in stated["claims"])
+    (checker,) = [c for c in stated["checks"] if c["id"] == "independent"]
+    assert checker["state"] == "passed" and "calibrated and not proved" in checker["figures"]["says"][0]
 
 
 def test_last_row_alone_is_lower_and_what_is_said_is_exact(made):
