@@ -10,6 +10,8 @@ import pytest
 from helpers.small_modes import TEXT
 from scipy.linalg import expm
 
+from codegen.assurance import mode_claims
+from codegen.assurance.claims import Claim
 from codegen.certify import mode_certificate
 from codegen.certify.mode_claims import Claims
 from codegen.certify.mode_restart import restarted
@@ -87,6 +89,21 @@ def test_false_certificates_are_refused(made):
     for key in ("restart", "calm"):
         with pytest.raises(CertificateError, match=f"{key} is {cert[key] - 1} samples, only {cert[key]} proved"):
             mode_certificate.check(made.plant, t, cert | {key: cert[key] - 1})
+
+
+def test_restart_has_a_claim_that_a_false_number_breaks(made):
+    observer, cert = SimpleNamespace(family="mode"), made.cert
+    design = SimpleNamespace(plant=made.plant, observer=observer)
+    said = mode_certificate.sentences(made.plant, made.t, cert)
+
+    def found(cert):
+        claims = [(begins, make) for begins, make in mode_claims.of_certificate(design, made.t, cert, Claim, (), ())]
+        assert len(claims) == len(said) and all(s.startswith(begins) for (begins, _), s in zip(claims, said))
+        return claims[-1][1](said[-1])
+
+    assert found(cert).id == "restart" and all(m.holds for m in found(cert).margins)
+    assert not all(m.holds for m in found(cert | {"restart": cert["restart"] - 1}).margins)
+    assert not all(m.holds for m in found(cert | {"calm": cert["calm"] - 1}).margins)
 
 
 def test_few_ages_leave_it_open(made):
