@@ -32,7 +32,7 @@ Array = np.ndarray
 DROP = 1e-3
 #: The integral may go this much beyond what it reaches.
 ROOM = 1.05
-MARGINS = (1e-10, 1e-8, 1e-6)
+MARGINS = (1e-8, 1e-6)
 
 
 @dataclass(frozen=True)
@@ -118,15 +118,68 @@ def task_of(plant: Plant, track: Sequence[str], reference: Sequence[float], **op
     return Task(rows, tuple(map(float, reference)), **options)
 
 
-def design_tracker(plant: Plant, task: Task, real: str = "float32") -> CertifiedTracker:
-    """Design and certify.
+@dataclass(frozen=True)
+class Proposal:
+    """Gains before they are rounded, of the recursion at the period.
+
+    Parameters
+    ----------
+    T2 : ndarray (n, p), K : ndarray (h, n, p)
+    Kx : ndarray (h, m, n), Ki : ndarray (h, m, k)
+        With the signs of the law.
+    """
+
+    T2: Array
+    K: Array
+    Kx: Array
+    Ki: Array
+
+
+def propose(plant: Plant, task: Task) -> Proposal:
+    """Design in continuous time, in units in which all is about one, and take the gains to the period.
 
     Parameters
     ----------
     plant : Plant
         One that ``certify.sampled_vertices.unsuited`` does not refuse.
     task : Task
+
+    Returns
+    -------
+    Proposal
+
+    Raises
+    ------
+    DesignError
+        No gains were found.
+    """
+    problem, unit = problem_of(plant), {v: sizes(*plant.limits(v)) for v in "xyu"}
+    s, reference = Scaling(unit["x"], unit["y"], 1 / unit["x"], 1.0), np.array(task.reference)
+    inside = scaled(problem, s)
+    Cc = plant.polytope.C[list(task.rows)] * unit["x"] / reference[:, None]
+    seen = tracking.observer(inside, np.eye(plant.n_y), task.observer)
+    feedback = tracking.feedback(inside, Cc, np.full(plant.n_u, task.effort), task.feedback)
+    T2, gains = s.factor2(seen.T2), np.array([s.gain(k) for k in seen.K])
+    # Small entries are judged in the units of the solver: u in its range, s in seconds of the largest reference.
+    both = _sparse(np.concatenate([feedback.Kx, feedback.Ki], axis=2))
+    both = -unit["u"][:, None] * both / np.concatenate([unit["x"], reference])
+    return Proposal(_sparse(T2), _sparse(T2 + plant.sample_period * gains), both[:, :, :plant.n_x],
+                    both[:, :, plant.n_x:])
+
+
+def design_tracker(plant: Plant, task: Task, real: str = "float32", proposal: Proposal | None = None,
+                   storage: dict | None = None) -> CertifiedTracker:
+    """Design, round and certify.
+
+    Parameters
+    ----------
+    plant : Plant
+    task : Task
     real : {"float32", "float64"}
+    proposal : Proposal, optional
+        Without, one is made.
+    storage : dict, optional
+        Proof of the other number type, to be tried first.
 
     Returns
     -------
@@ -140,25 +193,26 @@ def design_tracker(plant: Plant, task: Task, real: str = "float32") -> Certified
         Something may leave its range, or an inequality fails on the rounded constants.
     """
     vertices = sampled_vertices(plant)
-    problem, unit = problem_of(plant), {v: sizes(*plant.limits(v)) for v in "xy"}
-    s = Scaling(unit["x"], unit["y"], 1 / unit["x"], 1.0)
-    inside = scaled(problem, s)
-    Cc = plant.polytope.C[list(task.rows)] * unit["x"] / np.array(task.reference)[:, None]
-    seen = tracking.observer(inside, np.eye(plant.n_y), task.observer)
-    feedback = tracking.feedback(inside, Cc, np.full(plant.n_u, task.effort), task.feedback)
-    T2 = rounded(_sparse(s.factor2(seen.T2)), real)
-    T1 = np.eye(plant.n_x) - T2 @ problem.C
-    K = T2 + plant.sample_period * np.array([s.gain(k) for k in seen.K])
-    gains = StandardGains(T2, *(rounded(M, real) for M in (T1 @ vertices.A, T1 @ vertices.B, _sparse(K), problem.C)))
-    # s of the solver is in units of the reference times a second; u in those of its range.
-    Kx = -problem.u_unit[:, None] * feedback.Kx / unit["x"]
-    Ki = -problem.u_unit[:, None] * feedback.Ki / np.array(task.reference)
-    both = _sparse(np.concatenate([Kx * unit["x"], Ki * np.array(task.reference)], axis=2))
-    both = rounded(both / np.concatenate([unit["x"], task.reference]), real)
-    law = FeedbackLaw(both[:, :, :plant.n_x], both[:, :, plant.n_x:], task.rows,
+    proposal = propose(plant, task) if proposal is None else proposal
+    T2 = rounded(proposal.T2, real)
+    T1 = np.eye(plant.n_x) - T2 @ plant.polytope.C
+    gains = StandardGains(T2, *(rounded(M, real) for M in (T1 @ vertices.A, T1 @ vertices.B, proposal.K,
+                                                            plant.polytope.C)))
+    law = FeedbackLaw(rounded(proposal.Kx, real), rounded(proposal.Ki, real), task.rows,
                       float(rounded(np.array(plant.sample_period), real)), _below(np.array(task.reference), real),
-                      np.zeros(len(task.rows)))
-    return _certified(plant, vertices, gains, law, real, task)
+                      10 * np.array(task.reference))
+    problem, T1 = sampled_problem(plant, vertices), np.eye(plant.n_x) - gains.T2 @ gains.C
+    x0 = (plant.x0_lo + plant.x0_hi) / 2
+    z0 = rounded(x0 - gains.T2 @ (gains.C @ x0), real)
+    tables = TrackingTables(_observer_tables(plant, gains, z0, x0, real), law, np.zeros(plant.n_y))
+    found = loop(problem, gains, T1, law)
+    # The limit of s counts in its own rounding alone: what it reaches with a generous one is its limit.
+    reached = _ranges(plant, found, tables, gains, vertices)
+    law = replace(law, limit=rounded(ROOM * reached["s"], real))
+    r_bound = quiet(found, problem, gains, law, _sizes(plant, gains, law, z0, real), vertices.slope)
+    tables = replace(tables, law=law, r_bound=_above(r_bound, real))
+    proof = _proposal(found, plant, law, task, storage)
+    return CertifiedTracker(tables, gains, proof, check(plant, tables, gains, proof))
 
 
 def sampled_problem(plant: Plant, vertices: SampledVertices) -> DescriptorProblem:
@@ -178,27 +232,14 @@ def sampled_problem(plant: Plant, vertices: SampledVertices) -> DescriptorProble
                    u_unit=np.ones(plant.n_u), d_unit=unit, pairs=tuple((i, j) for i in h for j in h), kind="discrete")
 
 
-def _certified(plant, vertices, gains, law, real, task) -> CertifiedTracker:
-    problem = sampled_problem(plant, vertices)
-    T1 = np.eye(plant.n_x) - gains.T2 @ gains.C
-    x0 = (plant.x0_lo + plant.x0_hi) / 2
-    z0 = rounded(x0 - gains.T2 @ (gains.C @ x0), real)
-    # The limit of s enters its own rounding alone: twice from a generous one is enough.
-    law = replace(law, limit=10 * law.reference)
-    for _ in range(2):
-        found = loop(problem, gains, T1, law)
-        reached = envelope(found, gains, law, _sizes(plant, gains, law, z0, real))
-        law = replace(law, limit=rounded(ROOM * reached["s"], real))
-    tables = TrackingTables(_observer_tables(plant, gains, z0, x0, real), law, np.zeros(plant.n_y))
-    r_bound = quiet(found, problem, gains, law, _sizes(plant, gains, law, z0, real), vertices.slope)
-    tables = replace(tables, r_bound=_above(r_bound, real))
-    _check_ranges(plant, found, tables, gains, vertices)
-    proof = _proposal(found, plant, law, task)
-    return CertifiedTracker(tables, gains, proof, check(plant, tables, gains, proof))
-
-
-def _proposal(found: Loop, plant: Plant, law: FeedbackLaw, task: Task) -> dict:
-    """Storage matrices for decay and level."""
+def _proposal(found: Loop, plant: Plant, law: FeedbackLaw, task: Task, storage: dict | None) -> dict:
+    """Storage matrices for decay and level; those of the other type where they do."""
+    if storage is not None:
+        try:
+            _check_storage(found, plant, law, storage)
+            return storage
+        except CertificateError:
+            pass
     floats = [(_floats(A), _floats(B)) for A, B in found.vertices.values()]
     unit = sizes(*plant.limits("x"))
     units = np.concatenate([unit, unit, law.limit])
@@ -209,7 +250,7 @@ def _proposal(found: Loop, plant: Plant, law: FeedbackLaw, task: Task) -> dict:
         level = tracking_analysis.level([A for A, _ in floats], [B[:, :count] for _, B in floats], out, units, margin)
         if P is None or level is None:
             continue
-        level["level2"] *= 1 + 1e-6
+        level["level2"] *= 1 + 1e-5
         gamma = float(np.nextafter(sqrt(level["level2"]), np.inf))
         proof = {"decay": {"P": P, "factor": factor}, "level": level | {"gamma": gamma, "inputs": count}}
         try:
@@ -271,7 +312,7 @@ def check(plant: Plant, tables: TrackingTables, gains: StandardGains, proof: dic
     _check_storage(found, plant, law, proof)
     if proof["level"]["inputs"] != plant.n_w + plant.n_v:
         raise CertificateError("certificate: the level counts other inputs than disturbances and noises. Design again.")
-    reached = _check_ranges(plant, found, tables, gains, vertices)
+    reached = _ranges(plant, found, tables, gains, vertices)
     bound = quiet(found, problem, gains, law, _sizes(plant, gains, law, o.z0, tables.real), vertices.slope)
     for i, s in enumerate(plant.y):
         if not float(tables.r_bound[i]) >= bound[i]:
@@ -280,7 +321,7 @@ def check(plant: Plant, tables: TrackingTables, gains: StandardGains, proof: dic
     return _sentences(plant, tables, proof, reached, vertices)
 
 
-def _check_ranges(plant, found, tables, gains, vertices) -> dict[str, Array]:
+def _ranges(plant, found, tables, gains, vertices) -> dict[str, Array]:
     """Bounds of the closed loop, refused where they leave a range."""
     law = tables.law
     size = _sizes(plant, gains, law, tables.observer.z0, tables.real)
