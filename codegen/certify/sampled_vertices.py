@@ -1,6 +1,7 @@
 r"""A polytopic plant with E = I at its sampling period: second-order vertices, and a bound of all that they miss.
 
-    x' = sum_i h_i (A_i x + B_i u + Bw_i w),    u held, T the period:    x(T) = sum_i h_i (P_i x + G_i u + T Bw_i wm) + e
+    x' = sum_i h_i (A_i x + B_i u + Bw_i w),    u held, T the period,
+    x(T) = sum_i h_i (P_i x + G_i u + T Bw_i wm) + e
 
 with the weights h_i at the sample, P_i = I + T A_i + T^2/2 A_i^2, G_i = T B_i + T^2/2 A_i B_i, wm the mean of w over
 the period (within its bounds as w is). With |x| <= X, |u| <= U, |w| <= W over the period, elementwise, let
@@ -26,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 from flint import fmpq
 
-from ..errors import DesignError
+from ..errors import CertificateError
 from .exact import Q, eye, product, rational, up, zeros
 
 Array = np.ndarray
@@ -54,41 +55,13 @@ class SampledVertices:
     slope: Array
 
 
-def unsuited(plant) -> str | None:
-    """Why a plant cannot be sampled this way, with what to change; None if it can.
-
-    Parameters
-    ----------
-    plant : Plant
-    """
-    import sympy
-    p = plant.polytope
-    if p is None or plant.kind != "continuous":
-        return "it is no continuous polytope, expected [nonlinear] equations or vertices of one. Give it so."
-    if np.any(p.E != np.eye(len(p.E))):
-        return "E is not the identity (found), expected x' itself: what is algebraic has no rate. Solve for it."
-    if not p.premises:
-        return "its weights are normalised (found), expected a sector model: only there are their rates known."
-    if any(np.any(v.offset) for v in p.vertices):
-        return "its vertices have constants (the offsets of a linearisation), expected none. Model it by sectors."
-    states = p.symbols[:plant.n_x]
-    for z in p.premises:
-        slopes = [sympy.diff(z.term, s) for s in states]
-        if z.term.free_symbols - set(states) or any(g.free_symbols for g in slopes):
-            return f'premise "{z.name}" is not affine in the states, expected that: its rate is bounded by it. Name others.'
-    if any(not np.all(np.isfinite(np.concatenate(plant.limits(v)))) for v in "xuwv"):
-        return "a state, input, disturbance or noise has no range, expected all of them. Declare them."
-    if any(s.rate for s in plant.u):
-        return "an input moves between samples (rate), expected held ones. Leave its rate out."
-    return None
-
-
 def sampled_vertices(plant) -> SampledVertices:
-    """Sample a plant that is not `unsuited`.
+    """Sample a plant.
 
     Parameters
     ----------
     plant : Plant
+        Continuous, a sector model with E = I, premises affine in the states, all ranges finite, inputs held.
 
     Returns
     -------
@@ -96,13 +69,15 @@ def sampled_vertices(plant) -> SampledVertices:
 
     Raises
     ------
-    DesignError
-        It is unsuited.
+    CertificateError
+        It is another one.
     """
-    reason = unsuited(plant)
-    if reason is not None:
-        raise DesignError(f"{plant.name}: {reason}")
-    p, T = plant.polytope, Q(plant.sample_period)
+    p = plant.polytope
+    if (plant.kind != "continuous" or p is None or not p.premises or np.any(np.eye(len(p.E)) != p.E)
+            or any(np.any(v.offset) for v in p.vertices) or any(s.rate for s in plant.u)):
+        raise CertificateError("certificate: the plant is no continuous sector model with E = I and held inputs (found), "
+                               "expected one: others are not sampled here.")
+    T = Q(plant.sample_period)
     half = T * T / 2
     A, B, Bw = ([rational(getattr(v, key)) for v in p.vertices] for key in ("A", "B", "Bw"))
     X, U, W = (_size(plant, v) for v in "xuw")
@@ -128,14 +103,17 @@ def sampled_vertices(plant) -> SampledVertices:
 
 def _slopes(plant) -> Array:
     """|dz/dx| / (hi - lo) of every premise."""
-    import sympy
     p = plant.polytope
     out = zeros(len(p.premises), plant.n_x)
     for i, z in enumerate(p.premises):
         for k, s in enumerate(p.symbols[:plant.n_x]):
-            value = sympy.Rational(sympy.diff(z.term, s)) if sympy.diff(z.term, s).is_Rational else None
-            slope = Q(float(sympy.diff(z.term, s))) if value is None else fmpq(int(value.p), int(value.q))
-            out[i, k] = abs(slope) / (Q(z.hi) - Q(z.lo))
+            slope = z.term.diff(s)
+            if not slope.is_number or z.term.free_symbols - set(p.symbols[:plant.n_x]):
+                raise CertificateError(f'certificate: premise "{z.name}" (found) is not affine in the states, expected '
+                                       "that: its rate is bounded by it.")
+            # A decimal number of sympy is a binary fraction of 53 bits: its float is exact.
+            value = fmpq(int(slope.p), int(slope.q)) if slope.is_Rational else Q(float(slope))
+            out[i, k] = abs(value) / (Q(z.hi) - Q(z.lo))
     return out
 
 
@@ -151,7 +129,7 @@ def _times(M: Array, v: Array) -> Array:
 def _largest(some: list[Array]) -> Array:
     out = some[0]
     for M in some[1:]:
-        out = np.where(M > out, M, out)
+        out = np.where(out < M, M, out)
     return out
 
 

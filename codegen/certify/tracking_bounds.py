@@ -1,13 +1,9 @@
-r"""How far a tracked plant gets: bounds of states, inputs and residuals for all disturbances, references and starts.
+r"""How far a tracked plant gets: bounds of states, inputs and integrals for all disturbances, references and starts.
 
-Two questions, both answered by ``peaks`` on the exact matrices, with the rounding of every sum of the firmware:
-
-* `envelope`: the closed loop, no fault, references in their range, starts in the initial box. x and, between samples,
-  x + T |x'|, must stay within the declared range; u within its range, so that nothing saturates; s within the limit at
-  which the firmware stops it. Whatever weights the firmware takes.
-* `quiet`: the observer alone, with any input in its range and any state in its range. Its weights differ from those of
-  the plant by what the estimate is wrong by: sum_i |h_i(x) - h_i(x_hat)| <= 2 sum_z |dz/dx| |x - x_hat| / (hi - lo), so
-  that the mismatch adds to the matrix of the errors. A residual beyond these bounds proves a fault.
+The closed loop, no fault, references in their range, starts in the initial box, whatever weights the firmware takes: by
+``peaks`` on the exact matrices, with the rounding of every sum of the firmware. x and, between samples, x + T |x'| must
+stay within the declared range, which the sampling rests on; u within its range, so that nothing saturates; s within the
+limit at which the firmware stops it.
 
 Rounding: a sum of N terms, in any order, with or without fused multiply-add, is off by less than (N + 1) eps times the
 sum of its magnitudes; weights add up to 1 within 4 h eps; measurements and references are rounded when they come in.
@@ -128,50 +124,6 @@ def envelope(found: Loop, gains, law, sizes: Sizes) -> dict[str, Array]:
     u = u + apart @ xi + _most([_floats(B) for _, B in found.inputs.values()]).sum(axis=1) + off.u
     estimate = estimate + np.abs(_floats(found.estimate[1])).sum(axis=1) + off.x_hat
     return {"eb": xi[:n], "x": xi[n:2 * n], "s": xi[2 * n:], "u": _raised(u), "estimate": _raised(estimate)}
-
-
-def quiet(found: Loop, problem, gains, law, sizes: Sizes, slope: Array) -> Array:
-    """Largest residual without a fault, whatever drives the plant within its ranges.
-
-    Parameters
-    ----------
-    found : Loop
-    problem : DescriptorProblem
-    gains : StandardGains
-    law : FeedbackLaw
-    sizes : Sizes
-    slope : ndarray (n_premises, n)
-        |dz/dx| / (hi - lo).
-
-    Returns
-    -------
-    bound : ndarray (p,)
-
-    Raises
-    ------
-    CertificateError
-        There is none.
-    """
-    model, n, m, h = found.error, len(found.error.E), len(sizes.u), len(gains.F)
-    off = Rounding.of(gains, law, sizes)
-    own = [model.pairs[j, j] for j in range(h)]
-    middle = _middle([A[:n, :n] for A, _ in own])
-    # What the plant's vertex alone changes in eb+: T1 (A_i - Am) x + T1 (B_i - Bm) u.
-    of_x, of_u = ([part[:n] for part in parts] for parts in (
-        [model.pairs[i, 0][0][:, n:2 * n] for i in range(h)], [model.pairs[i, 0][1][:, :m] for i in range(h)]))
-    swing = (_most([_floats(M - _middle(of_x)) for M in of_x]) @ sizes.x
-             + _most([_floats(M - _middle(of_u)) for M in of_u]) @ sizes.u)
-    seen, noise = np.abs(_floats(model.C)), np.abs(_floats(model.D[:, m:])).sum(axis=1)
-    share = 2 * slope.sum(axis=0)
-    known = noise + seen[:, n:] @ sizes.x + off.x_hat  # |x - x_hat| but for eb
-    e = (_most([_floats(A[:n, n:2 * n]) for A, _ in own]) @ sizes.x + _most([_floats(B[:n, :m]) for _, B in own]) @ sizes.u
-         + _most([_floats(B[:n, m:]) for _, B in model.pairs.values()]).sum(axis=1)
-         + swing * (share @ known + 16 * h * sizes.eps) + off.z)
-    D = _most([_floats(A[:n, :n] - middle) for A, _ in own]) + np.outer(swing, share @ seen[:, :n])
-    r_xi, r_in = found.residual
-    reached = Sums.of(middle, r_xi[:, :n]).reached(_raised(e), _raised(D), sizes.eb)[n:]
-    still = np.abs(_floats(r_xi[:, n:2 * n])) @ sizes.x + np.abs(_floats(r_in)).sum(axis=1)
-    return _raised(reached + still + off.r + sizes.eps * sizes.y)
 
 
 def check_envelope(bounds: dict[str, Array], sizes: Sizes, speed: Array, period: float, names: dict) -> None:

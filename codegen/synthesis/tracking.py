@@ -1,6 +1,6 @@
 r"""Tracking with measured scheduling: detection observer, and state feedback with integral action, for E = I.
 
-Plant: x' = sum_i h_i (A_i x + B_i u + Bd_i d), y = C x + Dd d, h known from what is measured. With T1 + T2 C = I
+Plant: x' = sum_i h_i (A_i x + B_i u + Bd_i d), y = C x + Dd d, h taken as known. The observer and the law, T1 + T2 C = I:
 
     x_hat = z + T2 y,   r = y - C x_hat,   z' = sum_j h_j (T1 A_j x_hat + T1 B_j u - K_j r),
     u = -sum_j h_j (Kx_j x_hat + Ki_j s),  s' = ref - Cc x,
@@ -29,7 +29,8 @@ Differences from the print:
   r = y - C x_hat; the disturbance also acts on y, with its exact channel.
 * C.1.2: K = Xi X^-1 (printed X^-1 Xi has the wrong sizes); the level is of the tracking error and the effort, not of
   the state, so that effort has a price.
-* decay rates and discs. All of it is in continuous time: what the firmware runs is certified at its period.
+* decay rates and discs. All of it is in continuous time: what the firmware runs is certified at its period, for every
+  weights of plant, observer and law, since those of the firmware are taken at its estimate.
 """
 
 from __future__ import annotations
@@ -40,10 +41,35 @@ import cvxpy as cp
 import numpy as np
 
 from ..errors import DesignError
+from . import descriptor_problem
 from .descriptor_lmi import MARGIN, assembled, he, minus, negative, solve
 from .descriptor_problem import DescriptorProblem, factors
 
 Array = np.ndarray
+#: Options of ``[observer]``: largest references by output, where modes may lie in 1/s, price of the inputs.
+OPTIONS = {"track": dict, "decay": (1e-9, 1e9), "fastest": (1e-9, 1e9), "observer_decay": (1e-9, 1e9),
+           "observer_fastest": (1e-9, 1e9), "effort": (1e-6, 1e6), "set_rows": (4, 400), "within": (0, 50)}
+
+
+def inapplicable(plant) -> str | None:
+    """Why a plant cannot be tracked this way, with what to change; None if it can."""
+    reason = descriptor_problem.inapplicable(plant)
+    if reason is not None:
+        return reason
+    p, states = plant.polytope, plant.polytope.symbols[:plant.n_x]
+    if np.any(np.eye(plant.n_x) != p.E):
+        return "E is not the identity, expected x' itself: what is algebraic cannot be steered. Solve for it."
+    if not p.premises:
+        return "its weights are normalised, expected a sector model: only there are their rates known. Give [nonlinear]."
+    if not plant.u:
+        return "there is no input, expected one to steer with. Declare it in signals.u."
+    for z in p.premises:
+        if z.term.free_symbols - set(states) or any(not z.term.diff(s).is_number for s in states):
+            return f'premise "{z.name}" is not affine in the states, expected that: so its rate is known. Name others.'
+    for s in plant.u:
+        if s.rate:
+            return f'input "{s.name}" moves between samples (rate), expected a held one. Remove its rate.'
+    return None
 
 
 @dataclass(frozen=True)
@@ -161,7 +187,7 @@ def feedback(problem: DescriptorProblem, Cc: Array, effort: Array, speed: Speed)
     J = np.vstack([np.zeros((k, m)), np.diag(effort)])
     X, level = cp.Variable((n + k, n + k), symmetric=True), cp.Variable()
     Xi = [cp.Variable((m, n + k)) for _ in range(h)]
-    same = np.all(problem.B == problem.B[0])
+    same = np.all(problem.B[0] == problem.B)
     conditions = [X >> MARGIN * np.eye(n + k)]
     for i in range(h):
         for j in [i] if same else range(h):
