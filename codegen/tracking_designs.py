@@ -105,18 +105,18 @@ def task_of(plant: Plant, options: dict) -> Task:
             raise DesignError(f'{plant.name}: observer.track.{name} is no output (found), expected one of '
                               f"{', '.join(names)}.")
         if isinstance(most, bool) or not isinstance(most, int | float) or not 0 < most < np.inf:
-            raise DesignError(f"{plant.name}: observer.track.{name} is {most!r} (found), expected a number above 0: the "
-                              "largest magnitude of its reference.")
+            raise DesignError(f"{plant.name}: observer.track.{name} is {most!r} (found), expected a number above 0: "
+                              "the largest magnitude of its reference.")
     if not 0 < len(track) <= plant.n_u:
-        raise DesignError(f"{plant.name}: observer.track names {len(track)} outputs (found), expected 1 to {plant.n_u}, "
-                          "as many as there are inputs at most: { output = largest reference }.")
+        raise DesignError(f"{plant.name}: observer.track names {len(track)} outputs (found), expected 1 to "
+                          f"{plant.n_u}, as many as there are inputs at most: {{ output = largest reference }}.")
     fast = 1 / plant.sample_period
     seen = Speed(float(options.get("observer_decay", 0.03 * fast)), float(options.get("observer_fastest", 0.2 * fast)))
     feedback = Speed(float(options.get("decay", 0.01 * fast)), float(options.get("fastest", 0.05 * fast)))
     for speed, prefix in ((seen, "observer_"), (feedback, "")):
         if not speed.decay < speed.fastest:
-            raise DesignError(f"{plant.name}: observer.{prefix}decay is {speed.decay:.4g} 1/s (found), expected less than "
-                              f"observer.{prefix}fastest, {speed.fastest:.4g} 1/s.")
+            raise DesignError(f"{plant.name}: observer.{prefix}decay is {speed.decay:.4g} 1/s (found), expected less "
+                              f"than observer.{prefix}fastest, {speed.fastest:.4g} 1/s.")
     return Task(tuple(names.index(name) for name in track), tuple(map(float, track.values())), seen, feedback,
                 float(options.get("effort", 0.3)))
 
@@ -180,10 +180,10 @@ def certified(plant: Plant, proposal: Proposal, options: dict, real: str) -> tup
     T1 = np.eye(plant.n_x) - T2 @ C
     gains = StandardGains(T2, *(rounded(M, real) for M in (T1 @ vertices.A, T1 @ vertices.B, proposal.K, C)))
     law = FeedbackLaw(rounded(proposal.Kx, real), rounded(proposal.Ki, real), task.rows,
-                      float(rounded(np.array(plant.sample_period), real)), _below(np.array(task.reference), real),
+                      float(rounded(np.array(plant.sample_period), real)), rounded(np.array(task.reference), real),
                       10 * np.array(task.reference))
     t = tables_of(plant, gains, np.eye(plant.n_y), real)
-    t = replace(t, u_lo=-_below(-t.u_lo.astype(float), real).astype(real), law=law)
+    t = replace(t, law=law)
     found = loop(sampled_problem(plant, vertices), gains, T1, law)
     # The limit of s counts in its own rounding alone: what it reaches with a generous one is its limit.
     reached = _ranges(plant, found, t, vertices)
@@ -281,14 +281,18 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
     """
     law, proof = t.law, cert["loop"]
     vertices, task = sampled_vertices(plant), task_of(plant, plant.options)
-    if law.rows != task.rows or np.any(np.abs(law.reference) > np.array(task.reference)):
-        raise CertificateError("certificate: the law tracks other outputs or references than the plant file. Design again.")
+    if law.rows != task.rows or np.any(law.reference != np.array(task.reference).astype(t.real)):
+        raise CertificateError("certificate: the law tracks other outputs or references than those of the plant file. "
+                               "Design again.")
+    if law.period != float(np.dtype(t.real).type(plant.sample_period)):
+        raise CertificateError("certificate: the law has another period than the plant. Design again.")
     found = loop(sampled_problem(plant, vertices), t, np.array(cert["T1"]), law)
     _check_storage(found, plant, law, proof)
     if proof["level"]["inputs"] != plant.n_w + plant.n_v or proof["level"]["gamma"] != cert["level"]:
         raise CertificateError("certificate: the level is not one from disturbances and noises. Design again.")
     reached = _ranges(plant, found, t, vertices)
-    polytope_thresholds.check(plant, problem_of(plant), t, cert["thresholds"], np.array(cert["T1"]), plant.sample_period)
+    polytope_thresholds.check(plant, problem_of(plant), t, cert["thresholds"], np.array(cert["T1"]),
+                              plant.sample_period)
     return _sentences(plant, t, proof, reached, vertices)
 
 
@@ -298,7 +302,8 @@ def _ranges(plant, found, t, vertices) -> dict[str, Array]:
     reached = envelope(found, t, t.law, size)
     names = {"x": [s.name for s in plant.x], "u": [s.name for s in plant.u],
              "s": [f"integral of {plant.y[i].name}" for i in t.law.rows]}
-    check_envelope(reached, size, vertices.speed, plant.sample_period, names)
+    inner = {"x": np.minimum(*_ends(plant.limits("x"))), "u": np.minimum(*_ends((t.u_lo, t.u_hi)))}
+    check_envelope(reached, size, inner, vertices.speed, plant.sample_period, names)
     return reached
 
 
@@ -310,20 +315,21 @@ def _sentences(plant, t, proof, reached, vertices) -> list[str]:
 
     refs, missed = [plant.y[i] for i in law.rows], listed(vertices.error, plant.x)
     return [
-        f"decay: plant, observer and law together shrink by {proof['decay']['factor']:.6g} per sample of {T:g} s in one "
-        "norm, whatever weights plant, observer and law have, also those that a faulty sensor makes",
+        f"decay: plant, observer and law together shrink by {proof['decay']['factor']:.6g} per sample of {T:g} s in "
+        "one norm, whatever weights plant, observer and law have, also those that a faulty sensor makes",
         "H-infinity: from rest at reference 0 the energy of the tracking error, in units of the largest reference, "
         f"stays below {proof['level']['gamma']:.6g}^2 times that of disturbances and noises in units of their bounds "
         "(the sampled model; rounding of sums apart)",
         f"no saturation: for every reference within {listed(law.reference, refs)}, every start in the initial box, all "
-        "disturbances and noises within their bounds and no fault, with u as commanded, states stay within their declared "
-        f"ranges, between samples too, and inputs within {listed(reached['u'], plant.u)}: nothing is ever cut, rounding "
-        f"included ({t.real}, with or without fused multiply-add)",
+        "disturbances and noises within their bounds and no fault, with u as commanded and no sample missing, states "
+        "stay within their declared ranges, between samples too, and inputs within "
+        f"{listed(reached['u'], plant.u)}: nothing is ever cut, rounding included ({t.real}, with or without fused "
+        "multiply-add)",
         f"sampling: the second-order vertices miss the continuous plant by at most {missed} per sample, which these "
         "ranges include",
-        "while no fault acts no |r| exceeds its r_bound at any sample, so there is no false alarm, for any input in its "
-        f"range, whatever the weights of plant and observer do, rounding included ({t.real}); between samples the plant "
-        "moves as it likes within its ranges",
+        "while no fault acts no |r| exceeds its r_bound at any sample, so there is no false alarm, for any input in "
+        f"its range, whatever the weights of plant and observer do, rounding included ({t.real}); between samples the "
+        "plant moves as it likes within its ranges",
         f"once settled r_bound is {listed(t.h[-1], plant.y)}; it comes down to that within {t.last << t.shift} samples "
         "from anywhere in the declared range of x"]
 
@@ -338,6 +344,12 @@ def _sizes(plant, t) -> Sizes:
                  np.maximum(np.abs(plant.x0_lo), np.abs(plant.x0_hi)), eb, float(np.finfo(t.real).eps))
 
 
+def _ends(limits) -> tuple[Array, Array]:
+    """How far 0 is from both ends of ranges."""
+    lo, hi = limits
+    return -np.asarray(lo, dtype=float), np.asarray(hi, dtype=float)
+
+
 def _typed(law: FeedbackLaw, real: str) -> FeedbackLaw:
     return replace(law, **{k: getattr(law, k).astype(real) for k in ("Kx", "Ki", "reference", "limit")})
 
@@ -345,12 +357,6 @@ def _typed(law: FeedbackLaw, real: str) -> FeedbackLaw:
 def _sparse(M: Array) -> Array:
     """A matrix, or several, without what is small in its row."""
     return np.where(np.abs(M) < DROP * np.abs(M).max(axis=-1, keepdims=True), 0.0, M)
-
-
-def _below(values: Array, real: str) -> Array:
-    """Numbers of the type that are not above the given ones."""
-    near = values.astype(real)
-    return np.where(near.astype(float) > values, np.nextafter(near, np.array(-np.inf, real)), near).astype(float) + 0.0
 
 
 def _floats(M) -> Array:

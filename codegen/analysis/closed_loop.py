@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..observers.tracking import TrackingAnswer
 from ..plant.descriptor import PIECES, Implicit, truth
 from ..plant.model import Plant
 
@@ -20,17 +19,19 @@ class ClosedLoop:
 
     Parameters
     ----------
-    x : ndarray (K, n)
-    y : ndarray (K, p)
-    ref : ndarray (K, k)
-    answers : TrackingAnswer
-        Of the unit, (K, ..).
+    x : ndarray (K, n), u : ndarray (K, m), y : ndarray (K, p), r : ndarray (K, p), r_bound : ndarray (K, p)
+    limited, raw, assured : ndarray (K,)
+        As the unit answers.
     """
 
     x: Array
+    u: Array
     y: Array
-    ref: Array
-    answers: TrackingAnswer
+    r: Array
+    r_bound: Array
+    limited: Array
+    raw: Array
+    assured: Array
 
 
 def closed_loop(plant: Plant, unit, ref: Array, seed: int = 0, draw: str = "uniform", fault: Array | None = None,
@@ -42,7 +43,7 @@ def closed_loop(plant: Plant, unit, ref: Array, seed: int = 0, draw: str = "unif
     plant : Plant
         With a polytope and E = I; its equations are the truth where it has some.
     unit : object
-        ``step(ref, y)`` as of ``TrackingObserver``: the reference, or the compiled C.
+        ``step(ref, y)`` as of ``observers.feedback.Tracker``.
     ref : ndarray (K, k)
     seed : int
     draw : {"none", "uniform", "corner"}
@@ -70,19 +71,20 @@ def closed_loop(plant: Plant, unit, ref: Array, seed: int = 0, draw: str = "unif
     x = _drawn(rng, plant.x0_lo, plant.x0_hi, (), draw)
     w = _drawn(rng, *plant.limits("w"), (steps, PIECES), draw)
     v = _drawn(rng, *plant.limits("v"), (steps,), draw)
-    states, outputs, answers = np.empty((steps, plant.n_x)), np.empty((steps, plant.n_y)), []
+    states, outputs, rows = np.empty((steps, plant.n_x)), np.empty((steps, plant.n_y)), []
     none = np.zeros(0)
     for k in range(steps):
         states[k] = x
         outputs[k] = np.nan if missing[k] else p.C @ x + p.Dv @ v[k] + p.Df @ fault[k]
-        answers.append(unit.step(ref[k][None], outputs[k][None]))
-        u = answers[-1].u[0].astype(float)
+        command, answer = unit.step(ref[k][None], outputs[k][None])
+        u = command.u[0].astype(float)
+        rows.append((u, answer.r[0], answer.r_bound[0], command.limited[0], answer.raw_bits[0], answer.assured[0]))
         for piece in range(PIECES):
             def at(_, now=piece, u=u, k=k):
                 return lambda z: true(z, u, none, w[k, now], fault[k])
             x = solver.advance(x, h, at)
-    found = {name: np.concatenate([getattr(a, name) for a in answers]) for name in vars(answers[0])}
-    return ClosedLoop(states, outputs, ref, TrackingAnswer(**found))
+    u, *answers = (np.array(column) for column in zip(*rows))
+    return ClosedLoop(states, u, outputs, *answers)
 
 
 def _drawn(rng, lo: Array, hi: Array, shape: tuple[int, ...], draw: str) -> Array:

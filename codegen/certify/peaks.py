@@ -4,7 +4,7 @@ r"""Largest values that a system of bounded inputs reaches: M^k summed up in bal
 
 With S >= sum_k |M^k|, A >= |M^k| for every k: every b >= A x0 + S (e + D b) bounds |xi| at all times, by induction. The
 same sums of rows O M^k bound an output O xi, sharper than |O| b. The first K terms are computed in balls of `BITS`
-bits; if |M^K| p <= q p for a p > 0 and a q < 1, then all that follows is within q/(1 - q) of the first K, measured in p.
+bits; if |M^K| p <= q p for a p > 0 and a q < 1, then what follows is within q/(1 - q) of the first K, in terms of p.
 """
 
 from __future__ import annotations

@@ -75,8 +75,8 @@ def sampled_vertices(plant) -> SampledVertices:
     p = plant.polytope
     if (plant.kind != "continuous" or p is None or not p.premises or np.any(np.eye(len(p.E)) != p.E)
             or any(np.any(v.offset) for v in p.vertices) or any(s.rate for s in plant.u)):
-        raise CertificateError("certificate: the plant is no continuous sector model with E = I and held inputs (found), "
-                               "expected one: others are not sampled here.")
+        raise CertificateError("certificate: the plant is no continuous sector model with E = I and held inputs "
+                               "(found), expected one: others are not sampled here.")
     T = Q(plant.sample_period)
     half = T * T / 2
     A, B, Bw = ([rational(getattr(v, key)) for v in p.vertices] for key in ("A", "B", "Bw"))

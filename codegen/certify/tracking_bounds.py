@@ -126,7 +126,8 @@ def envelope(found: Loop, gains, law, sizes: Sizes) -> dict[str, Array]:
     return {"eb": xi[:n], "x": xi[n:2 * n], "s": xi[2 * n:], "u": _raised(u), "estimate": _raised(estimate)}
 
 
-def check_envelope(bounds: dict[str, Array], sizes: Sizes, speed: Array, period: float, names: dict) -> None:
+def check_envelope(bounds: dict[str, Array], sizes: Sizes, inner: dict[str, Array], speed: Array, period: float,
+                   names: dict) -> None:
     """Refuse bounds that leave a range.
 
     Parameters
@@ -134,6 +135,8 @@ def check_envelope(bounds: dict[str, Array], sizes: Sizes, speed: Array, period:
     bounds : dict
         From `envelope`.
     sizes : Sizes
+    inner : dict
+        "x", "u" -> how far 0 is from the nearer end of each range: bounds are of magnitudes.
     speed : ndarray (n,)
         Of |x'|.
     period : float
@@ -147,7 +150,8 @@ def check_envelope(bounds: dict[str, Array], sizes: Sizes, speed: Array, period:
     """
     between = bounds["x"] + period * speed * (1 + 1e-12)
     for vector, reached, most, words in (
-            ("x", between, sizes.x, "its declared range"), ("u", bounds["u"], sizes.u, "its range: it would saturate"),
+            ("x", between, inner["x"], "its declared range"),
+            ("u", bounds["u"], inner["u"], "its range: it would saturate"),
             ("s", bounds["s"], sizes.s, "the limit of its integral"),
             ("x", bounds["estimate"], sizes.x, "the size of its range with the error of its estimate")):
         for name, value, limit in zip(names[vector], reached, most):

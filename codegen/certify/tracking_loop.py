@@ -169,7 +169,7 @@ def positive(values, n: int) -> Array:
     """
     P = rational(np.array(values, dtype=float))
     if P.shape != (n, n) or np.any(P != P.T) or leading_failure(P) is not None:
-        raise CertificateError(f"certificate: P (found) is no symmetric, positive definite {n}x{n} matrix, as expected.")
+        raise CertificateError(f"certificate: P (found) is no symmetric, positive definite {n}x{n} matrix (expected).")
     return P
 
 

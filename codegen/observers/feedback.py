@@ -68,9 +68,9 @@ class Feedback:
         u, limited = self._inputs(z, y)
         with np.errstate(all="ignore"):
             s = self.s + t.dtype.type(law.period) * (ref - y[:, list(law.rows)])
-        cut = _cut(s, -law.limit, law.limit)
+        cut, fits = _cut(s, -law.limit, law.limit)
         on = status == OK
-        limited = limited | np.where((cut != s).any(axis=1), CUT_INTEGRAL, 0).astype(np.uint32)
+        limited = limited | np.where(fits, 0, CUT_INTEGRAL).astype(np.uint32)
         self.s = np.where(on[:, None], cut, self.s)
         return Command(np.where(on[:, None], u, 0).astype(t.dtype), np.where(on, limited, 0).astype(np.uint32), status)
 
@@ -96,8 +96,8 @@ class Feedback:
             for j, M in enumerate(law.gains):
                 own = np.where(law.shared, 0, M)
                 u = np.where(np.any(own != 0, axis=1), u + h[:, [j]] * summed(own, values), u)
-        cut = _cut(u, t.u_lo, t.u_hi)
-        return cut, np.where((cut != u).any(axis=1), CUT_INPUT, 0).astype(np.uint32)
+        cut, fits = _cut(u, t.u_lo, t.u_hi)
+        return cut, np.where(fits, 0, CUT_INPUT).astype(np.uint32)
 
 
 class Tracker:
@@ -157,7 +157,8 @@ def _within(values: Array, lo: Array, hi: Array) -> Array:
     return ((values >= lo) & (values <= hi)).all(axis=1)
 
 
-def _cut(values: Array, lo: Array, hi: Array) -> Array:
-    """Cut to a range; NaN, of which every comparison is false, is its lower end."""
-    out = np.where(values > lo, values, lo)
-    return np.where(out < hi, out, hi)
+def _cut(values: Array, lo: Array, hi: Array) -> tuple[Array, Array]:
+    """Cut to a range, and whether nothing of a row was; NaN, of which every comparison is false, is its lower end."""
+    above = values >= lo
+    out = np.where(above, np.where(values <= hi, values, hi), lo)
+    return out, (above & (values <= hi)).all(axis=1)

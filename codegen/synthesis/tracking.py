@@ -1,6 +1,6 @@
 r"""Tracking with measured scheduling: detection observer, and state feedback with integral action, for E = I.
 
-Plant: x' = sum_i h_i (A_i x + B_i u + Bd_i d), y = C x + Dd d, h taken as known. The observer and the law, T1 + T2 C = I:
+Plant: x' = sum_i h_i (A_i x + B_i u + Bd_i d), y = C x + Dd d, h taken as known. observer and law, with T1 + T2 C = I:
 
     x_hat = z + T2 y,   r = y - C x_hat,   z' = sum_j h_j (T1 A_j x_hat + T1 B_j u - K_j r),
     u = -sum_j h_j (Kx_j x_hat + Ki_j s),  s' = ref - Cc x,
@@ -60,7 +60,7 @@ def inapplicable(plant) -> str | None:
     if np.any(np.eye(plant.n_x) != p.E):
         return "E is not the identity, expected x' itself: what is algebraic cannot be steered. Solve for it."
     if not p.premises:
-        return "its weights are normalised, expected a sector model: only there are their rates known. Give [nonlinear]."
+        return "its weights are normalised, expected a sector model: there their rates are known. Give [nonlinear]."
     if not plant.u:
         return "there is no input, expected one to steer with. Declare it in signals.u."
     for z in p.premises:
