@@ -139,11 +139,14 @@ def propose(plant: Plant, options: dict) -> Proposal:
         An option is wrong, or no gains were found.
     """
     task = task_of(plant, options)
-    problem, unit = problem_of(plant), {v: sizes(*plant.limits(v)) for v in "xyu"}
-    s, reference = Scaling(unit["x"], unit["y"], 1 / unit["x"], 1.0), np.array(task.reference)
+    problem, unit = problem_of(plant), {v: sizes(*plant.limits(v)) for v in "xuv"}
+    y = np.abs(problem.C) @ unit["x"]
+    s, reference = Scaling(unit["x"], y, 1 / unit["x"], 1.0), np.array(task.reference)
     inside = scaled(problem, s)
+    noise = np.abs(plant.polytope.Dv) @ unit["v"]
+    weight = np.diag(y / np.where(noise > 0, noise, y))  # residuals in units of the noise
     Cc = plant.polytope.C[list(task.rows)] * unit["x"] / reference[:, None]
-    seen = tracking.observer(inside, np.eye(plant.n_y), task.observer)
+    seen = tracking.observer(inside, weight, task.observer)
     feedback = tracking.feedback(inside, Cc, np.full(plant.n_u, task.effort), task.feedback)
     T2, gains = s.factor2(seen.T2), np.array([s.gain(k) for k in seen.K])
     # Small entries are judged in the units of the solver: u in its range, s in seconds of the largest reference.
@@ -302,7 +305,7 @@ def _ranges(plant, found, t, vertices) -> dict[str, Array]:
     reached = envelope(found, t, t.law, size)
     names = {"x": [s.name for s in plant.x], "u": [s.name for s in plant.u],
              "s": [f"integral of {plant.y[i].name}" for i in t.law.rows]}
-    inner = {"x": np.minimum(*_ends(plant.limits("x"))), "u": np.minimum(*_ends((t.u_lo, t.u_hi)))}
+    inner = {"x": _inner(plant.limits("x")), "u": np.minimum(_inner(plant.limits("u")), _inner((t.u_lo, t.u_hi)))}
     check_envelope(reached, size, inner, vertices.speed, plant.sample_period, names)
     return reached
 
@@ -344,10 +347,10 @@ def _sizes(plant, t) -> Sizes:
                  np.maximum(np.abs(plant.x0_lo), np.abs(plant.x0_hi)), eb, float(np.finfo(t.real).eps))
 
 
-def _ends(limits) -> tuple[Array, Array]:
-    """How far 0 is from both ends of ranges."""
-    lo, hi = limits
-    return -np.asarray(lo, dtype=float), np.asarray(hi, dtype=float)
+def _inner(limits) -> Array:
+    """How far 0 is from the nearer end of each range."""
+    lo, hi = (np.asarray(side, dtype=float) for side in limits)
+    return np.minimum(-lo, hi)
 
 
 def _typed(law: FeedbackLaw, real: str) -> FeedbackLaw:

@@ -17,7 +17,7 @@ from flint import arb_mat, ctx
 from ..errors import CertificateError
 
 Array = np.ndarray
-BITS, LONGEST, LEFT = 160, 20000, 1e-3
+BITS, LONGEST, LEFT = 160, 4000, 1e-3
 #: What sums of upper bounds in float64 are raised by: more than the rounding of LONGEST of them.
 RAISE = 1 + 1e-9
 
@@ -96,6 +96,8 @@ class Sums:
             if np.all(after <= b * (1 + 1e-12)):
                 break
             b = np.maximum(b, after)
+            if not np.max(b) < 1e12 * (1 + np.max(start) + np.max(e)):
+                break
         b = b * (1 + 1e-6)
         if not np.all((start[:n] + self.total[:n] @ (e + D @ b)) * RAISE <= b):
             raise CertificateError("certificate: what the weights may change makes the bounds grow without end "

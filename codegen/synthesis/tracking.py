@@ -194,11 +194,14 @@ def feedback(problem: DescriptorProblem, Cc: Array, effort: Array, speed: Speed)
             AX = Ac[i] @ X - Bc[i] @ Xi[j]
             conditions += [negative([[he(AX) + R[i] @ R[i].T, X @ H.T - Xi[j].T @ J.T], [minus(level, k + m)]]),
                            *_placed(X, AX, speed)]
-    if not solve(cp.Problem(cp.Minimize(level), conditions)):
+    K = None
+    if solve(cp.Problem(cp.Minimize(level), conditions)):
+        K = [np.linalg.solve(X.value, xi.value.T).T for xi in Xi]
+    # Where there are none a solver may yet answer, with numbers that say nothing.
+    if K is None or any(np.linalg.eigvals(A - B @ g).real.max() > -0.9 * speed.decay for A, B, g in zip(Ac, Bc, K)):
         raise DesignError(f"tracking: no feedback with modes between {speed.decay:.4g} and {speed.fastest:.4g} 1/s was "
                           "found. Track at most as many outputs as there are inputs, outputs that the inputs can hold "
                           "anywhere in their range; ask for a slower decay, or sample faster.")
-    K = [np.linalg.solve(X.value, xi.value.T).T for xi in Xi]
     return FeedbackGains(np.array([g[:, :n] for g in K]), np.array([g[:, n:] for g in K]), _root(level))
 
 
