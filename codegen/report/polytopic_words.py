@@ -60,8 +60,8 @@ def law_facts(design, real: str) -> tuple[Fact, ...]:
                      for i, most in zip(law.rows, law.reference))
     factor = design.certificate[real]["loop"]["decay"]["factor"]
     return (Fact("Tracking law", f"references up to {refs}; plant, observer and law together shrink by "
-                 f"{words.number(factor, 4)} per sample, for all weights; for every reference within these sizes no input "
-                 "saturates and no state leaves its range, without a fault"),)
+                 f"{words.number(factor, 4)} per sample, for all weights; without a fault no input saturates and no "
+                 "state leaves its range, whatever the references do within these sizes"),)
 
 
 def tables(design, real: str) -> tuple[Table, ...]:

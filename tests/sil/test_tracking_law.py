@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
+from functools import cache
 
 import numpy as np
 import pytest
 from helpers.folders import CLANG, CXX, GCC, compile_
-from helpers.scripts import load as script
 from helpers.tools import need
 from helpers.tracking import CompiledTracker, designed, observer
 
@@ -20,15 +18,20 @@ need("gcc")
 REALS = ["float32", "float64"]
 
 
+@cache
+def printed(real):
+    return {name: text for name, text in files(designed(), real, "table", measure=False).items()
+            if name in ("quadrotor.c", "quadrotor.h")}
+
+
 def written(folder, real="float32"):
     """Header and C of the unit."""
-    for name, text in files(designed(), real, "table", measure=False).items():
-        if name in ("quadrotor.c", "quadrotor.h"):
-            (folder / name).write_text(text, encoding="ascii")
+    for name, text in printed(real).items():
+        (folder / name).write_text(text, encoding="ascii")
     return folder
 
 
-def signals(steps=120, seed=0):
+def signals(steps=84, seed=0):
     """References and measurements of a plant out of control, some lost: integrals and inputs run into their limits."""
     rng = np.random.default_rng(seed)
     ref = np.where(rng.random((steps, 3)) < 0.5, -0.15, 0.15)
@@ -60,15 +63,15 @@ def test_the_c_equals_the_reference(real, tmp_path):
 
 
 def test_the_c_steers_the_true_plant_as_the_reference_does(tmp_path):
-    """In the loop a bit that differs comes back: the same signals after 300 samples, a sensor fault among them."""
-    plant, ref = designed().plant, np.zeros((300, 3))
+    """In the loop a bit that differs comes back: the same signals after 220 samples, a sensor fault among them."""
+    plant, ref = designed().plant, np.zeros((220, 3))
     ref[50:, 0], ref[120:, 2] = 0.15, -0.15
-    fault = np.zeros((300, plant.n_f))
+    fault = np.zeros((220, plant.n_f))
     fault[200:, 0] = 0.2
-    missing = np.arange(300) == 60
+    missing = np.arange(220) == 60
     run = closed_loop(plant, Tracker(observer()), ref, 4, "corner", fault, missing)
     compiled = CompiledTracker(written(tmp_path), "float32")
-    for k in range(300):
+    for k in range(220):
         status, numbers, words = compiled.sample(ref[k], run.y[k])
         assert status == 0 and np.array_equal(numbers[:3], run.u[k].astype("float32")), k
         assert words.tolist()[:2] == [run.limited[k], run.raw[k]]
@@ -105,15 +108,10 @@ def test_a_mutant_of_the_law_is_noticed(old, new, tmp_path):
     assert not equal(compiled, "float32", *signals())
 
 
-@pytest.mark.parametrize("real", REALS)
-def test_compilers_and_misra_find_nothing(real, tmp_path):
-    need("gcc", "clang", "g++", "clang-tidy-19", "cppcheck")
-    written(tmp_path, real)
-    (tmp_path / "resources.json").write_text(json.dumps({"prefix": "quadrotor"}))
+def test_compilers_find_nothing_in_the_other_number_type(tmp_path):
+    """MISRA and the committed type: as every committed folder."""
+    need("gcc", "clang", "g++")
+    written(tmp_path, "float64")
     for compiler, flags in (("gcc", GCC), ("clang", CLANG), ("g++", CXX)):
         compile_([compiler, *flags, "-O2", "-c", "quadrotor.c", "-o", "q.o"], tmp_path)
     assert compile_(["nm", "-u", "q.o"], tmp_path) == ""
-    assert real == "float64" or script("analyse").unlisted(tmp_path) == []
-    refused = subprocess.run(["gcc", "-std=c99", "-ffast-math", "-c", "quadrotor.c"], cwd=tmp_path, capture_output=True,
-                             text=True, check=False)
-    assert "#error" in refused.stderr

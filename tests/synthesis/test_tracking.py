@@ -220,7 +220,7 @@ def square(steps, period=120):
 @pytest.mark.parametrize("draw", ["uniform", "corner"])
 def test_a_run_keeps_what_is_promised(draw):
     """References that jump from end to end, disturbances at their ends: no cut, no alarm, always assured."""
-    run = closed_loop(PLANT, Tracker(observer()), square(360), 5, draw)
+    run = closed_loop(PLANT, Tracker(observer()), square(300), 5, draw)
     lo, hi = PLANT.limits("x")
     assert np.all((run.x >= lo) & (run.x <= hi)) and not run.limited.any() and not run.raw.any() and run.assured.all()
     assert np.all(np.abs(run.r) <= run.r_bound) and np.abs(run.r / run.r_bound).max() > 0.1
@@ -237,29 +237,27 @@ def test_the_reference_is_reached_under_a_lasting_disturbance():
     """By the integral alone: without it the same torque leaves an offset."""
     steady = replace(PLANT, w=tuple(replace(s, lo=s.hi, hi=s.hi) for s in PLANT.w))
     steady = replace(steady, v=tuple(replace(s, lo=0.0, hi=0.0) for s in PLANT.v))
-    ref = np.tile(REFERENCE, (700, 1))
+    ref = np.tile(REFERENCE, (600, 1))
     run = closed_loop(steady, Tracker(observer()), ref, 0, "corner")
     assert np.abs(run.x[-1, :3] - REFERENCE).max() < 2e-3
-    stuck = closed_loop(steady, Tracker(observer(without(LAW, limit=0 * LAW.limit))), ref[:300], 0, "corner")
+    stuck = closed_loop(steady, Tracker(observer(without(LAW, limit=0 * LAW.limit))), ref[:160], 0, "corner")
     assert np.abs(stuck.x[-1, :3] - REFERENCE).min() > 0.05 and (stuck.limited & CUT_INTEGRAL).all()
-    wrong = closed_loop(steady, Tracker(observer(without(LAW, Ki=-LAW.Ki))), ref[:200], 0, "corner")
+    wrong = closed_loop(steady, Tracker(observer(without(LAW, Ki=-LAW.Ki))), ref[:140], 0, "corner")
     assert wrong.x[-1, :3].max() < -0.15
 
 
 def test_a_sensor_fault_is_found_and_the_loop_stays_stable():
     """The weights are wrong from then on; the proof of decay holds for any."""
-    fault = np.zeros((500, PLANT.n_f))
+    fault = np.zeros((420, PLANT.n_f))
     fault[200:, 2] = 0.6  # the yaw gyro, which schedules
-    run = closed_loop(PLANT, Tracker(observer()), square(500), 3, "uniform", fault)
+    run = closed_loop(PLANT, Tracker(observer()), square(420), 3, "uniform", fault)
     assert np.flatnonzero(run.raw)[0] == 200 and run.raw[200] == 1 << 5 and run.assured[:200].all()
     assert np.abs(run.x).max() < 2 and np.abs(run.x[-100:, :2]).max() < 0.3
-    quiet = closed_loop(PLANT, Tracker(observer()), square(200), 3, "uniform")
-    assert not quiet.raw.any()
 
 
 def test_missing_samples_are_coasted_and_other_draws_refused():
-    missing = np.arange(300) % 50 > 46
-    run = closed_loop(PLANT, Tracker(observer()), square(300), 6, "uniform", None, missing)
+    missing = np.arange(160) % 50 > 46
+    run = closed_loop(PLANT, Tracker(observer()), square(160), 6, "uniform", None, missing)
     assert np.all(np.isnan(run.y[missing])) and not run.raw.any() and np.abs(run.x[:, :3]).max() < 0.3
     with pytest.raises(ValueError, match="beyond its range"):
         Tracker(observer()).step(np.full((1, 3), 0.2), np.zeros((1, 6)))
