@@ -37,8 +37,8 @@ def facts(design, real: str) -> tuple[Fact, ...]:
     return (Fact("Weights", f"{len(plant.polytope.vertices)} vertices, at the estimate: the proof is for all weights "
                  "of plant and observer, however they move"),
             Fact(f"Energy gain from {of}", f"certified {words.at_most(cert['level'], 4)} on the "
-                 f"constants of the C; the solver claimed {words.number(cert['claimed'], 4)} before rounding and "
-                 "steps"),
+                 "constants of the C" + ("" if law is not None else "; the solver claimed "
+                                         f"{words.number(cert['claimed'], 4)} before rounding and steps")),
             Fact("Steps", steps),
             Fact("Threshold", "guaranteed, not calibrated: the error is followed over every input, disturbance and "
                  "weight within the declared ranges (peak to peak), between samples too, with the rounding of the C"),
