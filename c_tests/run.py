@@ -60,6 +60,9 @@ def case(record: dict) -> str:
     values |= {f"CASE_{name.upper()}": f"{value}U" for name, value in numbers.items()}
     values |= {f"CASE_{name.upper()}": f"{int(value)}" for name, value in flags.items()}
     counts = [name for name in COUNTS if name in members and not flags["filter"] and not flags["polytopic"]]
+    values["CASE_LAW"] = f"{int('law' in record)}"
+    values |= {f"CASE_{name.upper()}": "{ " + ", ".join(f"{v!r}{suffix}" for v in row) + " }"
+               for name, row in record.get("law", {}).items()}
     if flags["polytopic"]:
         values[f"{record['macro']}_MODES"] = "1U"
     if counts:

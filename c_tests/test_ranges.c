@@ -373,8 +373,17 @@ static int spoilt_origin(void)
     return 0;
 }
 
+#if CASE_LAW
+#include "law_ranges.h"
+#endif
+
 int main(void)
 {
+#if CASE_LAW
+    RUN(references);
+    RUN(inputs_are_cut);
+    RUN(coasting);
+#endif
     RUN(spoilt_origin);
     RUN(every_end_of_every_range);
     RUN(init_and_reset_boxes);

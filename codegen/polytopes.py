@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from . import polytopic_designs, tracking_designs
 from .analysis.detectability import surely_detected
 from .designs import Design, claims_of
 from .errors import CertificateError, DesignError
 from .observers import FAMILIES, Supervision
 from .plant.model import Plant
-from .polytopic_designs import certified, propose
 from .synthesis import METHODS
 
 #: Delay of a sure alarm that is looked at, where the plant file says nothing.
@@ -53,7 +53,11 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
     if reason is not None:
         raise DesignError(f'{plant.name}: method "{name}" does not apply: {reason}')
     progress(f"{name}: {len(plant.polytope.vertices)} vertices, {plant.n_x} states")
-    proposal, wanted = propose(plant, name, options), plant.target.real
+    wanted = plant.target.real
+    if name == "tracking":
+        proposal, certified = tracking_designs.propose(plant, options), tracking_designs.certified
+    else:
+        proposal, certified = polytopic_designs.propose(plant, name, options), polytopic_designs.certified
     tables, certs, failure = {}, {}, None
     for real in (wanted, "float64" if wanted == "float32" else "float32"):
         progress(f"{name}: level and thresholds ({real})")

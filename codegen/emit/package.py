@@ -82,6 +82,9 @@ def resources(d: DesignView, design) -> dict:
     theta = {} if not d.theta else {name: getattr(t.vary, name).astype(float).tolist()
                                     for name in ("theta_lo", "theta_hi")}
     own = {"mode": {"S": t.S.tolist(), "ages": t.ages}} if isinstance(t, ModeTables) else {}
+    law = getattr(t, "law", None)
+    if law is not None:
+        own["law"] = {k: getattr(law, k).astype(float).tolist() for k in ("reference", "limit")}
     return {"generator": f"residua {d.version}", "prefix": d.prefix, "macro": d.macro, "real": d.real,
             "layout": d.layout, "family": d.family, "certificate": design.digest,
             "n_x": len(d.x), "n_u": len(d.u), "n_y": len(d.y), "n_theta": len(d.theta),

@@ -10,6 +10,7 @@ from ..observers.polytopic_step import LIBM, TRUTHS, Program
 from ..observers.polytopic_tables import PolytopicTables
 from .cprint import Term, count_operations, initialiser, literal, macro_names, product, sum_lines
 from .families import Member, Word, state_layout
+from .feedback_parts import LawView, law_view
 from .manual import FILTERS, Bit
 from .maps import Names, Table
 from .parts import Field, Move, Operations, Parts, Size, assign, vector_table
@@ -21,7 +22,7 @@ Array = np.ndarray
 class PolytopicView:
     """Sizes, statements, tables. Of ``libm``, ``varies``, ``weighted`` (the name of the raw residual) one entry or
     none; ``reads`` and ``called`` are the parameter ``in`` of the weights, ``idle`` and ``unread`` say
-    that nothing reads it.
+    that nothing reads it; ``laws`` is the tracking law, where there is one.
     """
 
     sizes: tuple[Size, ...]
@@ -39,6 +40,7 @@ class PolytopicView:
     limits: tuple[Table, ...]
     row: str
     unread: tuple[str, ...]
+    laws: tuple[LawView, ...] = ()
 
 
 def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
@@ -95,7 +97,8 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
         residual=tuple(_statement(f"r[{i}]", terms, t.real) for i, terms in enumerate(sums["r"])), shown=shown,
         move=move, thresholds=Table("threshold", f"[{m}_ROWS][{m}_NY]", (), table),
         limits=(vector_table("least", f"{m}_NX", t.z_lo, t.real), vector_table("most", f"{m}_NX", t.z_hi, t.real)),
-        row=f"(s->since >> {t.shift}U)" if t.shift else "s->since", unread=() if u or theta else ("in",))
+        row=f"(s->since >> {t.shift}U)" if t.shift else "s->since", unread=() if u or theta else ("in",),
+        laws=() if t.law is None else (law_view(t, names, y),))
     return Parts(
         noun=FILTERS, header="polytopic.h.jinja", self_test="harness/test_polytopic.c.jinja", bits=bits, maps=(),
         state=state_layout(names, s, p, numbers, n + p, [], words), out_fields=tuple(Field(*f) for f in out),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from ..algebra.program import Operation, Program
+from .feedback_law import FeedbackLaw
 from .point import plain
 
 Array = np.ndarray
@@ -61,6 +62,8 @@ class PolytopicTables:
         Of theta, those that are measured.
     weights : Program
         h weights and whether they are in force, of x_hat, u, theta.
+    law : FeedbackLaw, optional
+        A tracking law beside the observer.
     """
 
     real: str
@@ -91,6 +94,7 @@ class PolytopicTables:
     theta_hi: Array
     columns: tuple[int, ...]
     weights: Program
+    law: FeedbackLaw | None = None
 
     #: No other coordinates (``FramerTables``); nothing is cut to the declared range.
     change = None
@@ -142,8 +146,10 @@ class PolytopicTables:
         w = self.weights
         program = {"inputs": w.inputs, "constants": list(w.constants), "results": list(w.results),
                    "operations": [[op.name, *op.args] for op in w.operations]}
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self) if f.name not in ("weights", "columns")} | {
-            "columns": list(self.columns), "weights": program}
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self)
+                if f.name not in ("weights", "columns", "law")} | {
+            "columns": list(self.columns), "weights": program,
+            **({} if self.law is None else {"law": self.law.to_dict()})}
 
     @classmethod
     def from_dict(cls, data: dict, sizes: tuple[int, int, int, int]) -> PolytopicTables:
@@ -160,4 +166,5 @@ class PolytopicTables:
                                                                     for name, *args in w["operations"]),
                           tuple(w["results"]))
         return cls(real=data["real"], start=int(data["start"]), shift=int(data["shift"]),
-                   columns=tuple(data["columns"]), weights=weights, **arrays)
+                   columns=tuple(data["columns"]), weights=weights,
+                   law=FeedbackLaw.from_dict(data["law"], dtype) if "law" in data else None, **arrays)

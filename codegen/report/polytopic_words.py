@@ -22,9 +22,12 @@ def facts(design, real: str) -> tuple[Fact, ...]:
     design : Design
     real : {"float32", "float64"}
     """
-    cert, plant = design.certificate[real], design.plant
-    T = words.seconds(plant.sample_period)
-    if plant.kind != "continuous":
+    cert, plant, law = design.certificate[real], design.plant, design.observer.tables[real].law
+    T, of = words.seconds(plant.sample_period), "inputs and disturbances"
+    if law is not None:
+        of = "disturbances and noises to the tracking error"
+        steps = f"second order, {T}; what they miss of the continuous plant is bounded and borne by the ranges"
+    elif plant.kind != "continuous":
         steps = "none: plant and observer step alike"
     elif cert["limit"] is None:
         steps = f"explicit Euler; the observer was designed for the plant's own steps of {T}"
@@ -33,12 +36,32 @@ def facts(design, real: str) -> tuple[Fact, ...]:
                  "weights stand still, and at the period of the firmware the recursion is certified anew")
     return (Fact("Weights", f"{len(plant.polytope.vertices)} vertices, at the estimate: the proof is for all weights "
                  "of plant and observer, however they move"),
-            Fact("Energy gain from inputs and disturbances", f"certified {words.at_most(cert['level'], 4)} on the "
-                 f"constants of the C; the solver claimed {words.number(cert['claimed'], 4)} before rounding and "
-                 "steps"),
+            Fact(f"Energy gain from {of}", f"certified {words.at_most(cert['level'], 4)} on the "
+                 "constants of the C" + ("" if law is not None else "; the solver claimed "
+                                         f"{words.number(cert['claimed'], 4)} before rounding and steps")),
             Fact("Steps", steps),
             Fact("Threshold", "guaranteed, not calibrated: the error is followed over every input, disturbance and "
-                 "weight within the declared ranges (peak to peak), between samples too, with the rounding of the C"))
+                 "weight within the declared ranges (peak to peak), between samples too, with the rounding of the C"),
+            *law_facts(design, real))
+
+
+def law_facts(design, real: str) -> tuple[Fact, ...]:
+    """What is said of the tracking law, where there is one.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+    """
+    law, plant = design.observer.tables[real].law, design.plant
+    if law is None:
+        return ()
+    refs = ", ".join(f"{plant.y[i].name} {words.quantity(words.number(float(most)), plant.y[i].unit)}"
+                     for i, most in zip(law.rows, law.reference))
+    factor = design.certificate[real]["loop"]["decay"]["factor"]
+    return (Fact("Tracking law", f"references up to {refs}; plant, observer and law together shrink by "
+                 f"{words.number(factor, 4)} per sample, for all weights; without a fault no input saturates and no "
+                 "state leaves its range, whatever the references do within these sizes"),)
 
 
 def tables(design, real: str) -> tuple[Table, ...]:
@@ -82,4 +105,9 @@ def gains(design, real: str, matrix) -> tuple[Folded, ...]:
     own = [matrix("x_hat = z + T2 y", x, y, t.T2), matrix("C", y, x, t.C),
            matrix("Limits of z", z, ["from", "to"], np.column_stack([t.z_lo, t.z_hi]))]
     own += [matrix("M: weight of the residual", y, y, t.M)] * t.weighted
-    return (*folds, Folded("All vertices", tuple(own)))
+    folds.append(Folded("All vertices", tuple(own)))
+    if t.law is not None:
+        refs = [y[i] for i in t.law.rows]
+        folds += [Folded(f"Law at vertex {j}", (matrix("Kx: of x_hat", u, x, Kx), matrix("Ki: of s", u, refs, Ki)))
+                  for j, (Kx, Ki) in enumerate(zip(t.law.Kx, t.law.Ki))]
+    return tuple(folds)

@@ -18,6 +18,7 @@ from . import (
     mode_set,
     tnl_interval,
     tnl_interval_lpv,
+    tracking,
     zonotope,
 )
 from .framers import OPTIONS, check_options
@@ -107,6 +108,9 @@ METHODS = {
     "hminus-hinf": Method(("continuous polytopic descriptor",), "polytopic",
                           "detection observer with weights at its estimate, H- and H-infinity",
                           "Lopez-Estrada (2014), Theorem 4.3.3", hminus_hinf, automatic=False),
+    "tracking": Method(("continuous polytopic, E = I",), "polytopic",
+                       "detection observer and tracking law with integral action, as one unit",
+                       "Lopez-Estrada (2014), Theorems C.1.1, C.1.2", tracking, automatic=False),
     "mode-set": Method(("continuous switched, mode unknown",), "mode", "the modes that are still possible",
                        "own; task of Zammali (2020), chapter 4", mode_set, automatic=False),
 }
