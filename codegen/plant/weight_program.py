@@ -17,7 +17,7 @@ from codegen.plant.polytopic import Polytope
 
 
 def weight_program(polytope: Polytope, real: str) -> Program:
-    """Return the program of the weights and of `inside`, over the polytope's symbols.
+    """Return the program of the weights, the known terms and `inside`, over the polytope's symbols.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def weight_program(polytope: Polytope, real: str) -> Program:
     Returns
     -------
     program : Program
-        h results and one more.
+        h results, one for each known term, and one more.
 
     Raises
     ------
@@ -52,7 +52,8 @@ def weight_program(polytope: Polytope, real: str) -> Program:
               b.apply("le", total, b.constant(1.0 + 4 * h * step))]
     fine = b.fold("and", sound)
     results = [b.apply("select", fine, w, b.constant(float(np.dtype(real).type(1 / h)))) for w in weights]
-    return _rounded(b.done([*results, b.fold("and", [*truths, fine])]), real)
+    known = [b.value(k.term) for k in polytope.known]
+    return _rounded(b.done([*results, *known, b.fold("and", [*truths, fine])]), real)
 
 
 def _tree(b: Builder, polytope: Polytope, truths: list, step: float) -> list[tuple]:
