@@ -11,6 +11,8 @@ from .interval import IntervalObserver
 from .mode_observer import ModeObserver, ModeTrace
 from .mode_tables import ModeTables
 from .point import PointObserver, PointTables
+from .polytopic import PolytopicObserver, PolytopicTrace
+from .polytopic_tables import PolytopicTables
 from .runner import Runner
 from .schedule import ScheduleObserver, ScheduleTables
 from .supervisor import Supervision
@@ -22,10 +24,11 @@ from .zonotope import ZonotopeObserver, ZonotopeTables
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
             "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
-            "filter": FilterObserver, "mode": ModeObserver}
+            "filter": FilterObserver, "mode": ModeObserver, "polytopic": PolytopicObserver}
 
 __all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
            "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables",
            "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
+           "PolytopicObserver", "PolytopicTables", "PolytopicTrace",
            "Runner", "ScheduleObserver", "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables",
            "TnlObserver", "Trace", "TraceTables", "Variation", "ZonotopeObserver", "ZonotopeTables"]
