@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .certify import polytope_thresholds
-from .certify.exact import Q, product, rational, up
-from .certify.exact import leading_failure as failure
-from .errors import CertificateError, DesignError, PlantError
+from .certify import fault_sets
+from .errors import DesignError, PlantError
+from .fault_tables import frozen
 from .observers import PolytopicTables
 from .plant.bend import bend as bend_of
-from .plant.model import Plant, Signal
-from .polytopic_tables import frozen, tables_of
+from .plant.model import Plant
+from .polytopic_tables import tables_of
 from .synthesis.descriptor_fault_estimation import FaultDesign, design, gains_of
 from .synthesis.descriptor_lmi import Bounds
 from .synthesis.descriptor_problem import Scaling
@@ -46,7 +45,7 @@ class FaultProposal:
 
 
 def with_faults(plant: Plant) -> Plant:
-    """The plant with its faults behind the states: zero at the start, within their ranges later.
+    """The plant with its faults behind the states, zero at the start.
 
     Parameters
     ----------
@@ -56,19 +55,19 @@ def with_faults(plant: Plant) -> Plant:
     import sympy
     p, none = plant.polytope, np.zeros(plant.n_f)
     symbols = (*p.symbols[:plant.n_x], *(sympy.Dummy(s.name) for s in plant.f), *p.symbols[plant.n_x:])
-    taken = {s.name for s in plant.x}
-    faults = tuple(Signal(f"{s.name} fault" if s.name in taken else s.name, s.unit, s.lo, s.hi) for s in plant.f)
-    return replace(plant, x=plant.x + faults, x0_lo=np.concatenate([plant.x0_lo, none]),
+    return replace(plant, x=plant.estimated(plant.n_x + plant.n_f), x0_lo=np.concatenate([plant.x0_lo, none]),
                    x0_hi=np.concatenate([plant.x0_hi, none]), polytope=replace(p, symbols=symbols))
 
 
-def propose(plant: Plant, options: dict) -> FaultProposal:
+def propose(plant: Plant, method: str, options: dict) -> FaultProposal:
     """Design.
 
     Parameters
     ----------
     plant : Plant
         One that ``fault_problem.inapplicable`` does not refuse.
+    method : str
+        There is one.
     options : dict
         Of ``[observer]``: decay, gain.
 
@@ -140,12 +139,39 @@ def certified(plant: Plant, proposal: FaultProposal, options: dict, real: str) -
     own = replace(gains, C=C, F=F, G=gains.G[:, :, :n_u])
     t = tables_of(whole, own, np.eye(len(C)), real)
     t = replace(t, known=gains.G[0, :, n_u:].astype(real))
-    bend = bend_of_steps(plant)
-    rows = options.get("set_rows")
-    t, held = frozen(whole, problem.whole, t, T1, proposal.period, None if rows is None else int(rows), bend)
+    t, held = frozen(whole, problem.whole, t, T1, proposal.period, bend_of_steps(plant))
     return t, {"kind": "polytopic", "level": float(np.max(t.h[-1])), "claimed": proposal.found.gamma,
                "T1": T1.tolist(), "slow": [[name, mode * s.time] for name, mode in proposal.found.slow],
-               "thresholds": held, "steady_box": None}
+               "limit": None, "thresholds": held, "steady_box": None}
+
+
+def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
+    """Re-check a certificate in exact arithmetic; return what is proved, one sentence per claim.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : PolytopicTables
+    cert : dict
+
+    Raises
+    ------
+    CertificateError
+        Naming what fails.
+    """
+    problem, _ = fault_problem(plant)
+    period = plant.sample_period if plant.kind == "continuous" else None
+    fault_sets.check(with_faults(plant), problem.whole, t, cert["thresholds"], np.array(cert["T1"]), period,
+                     bend_of_steps(plant))
+    last = ", ".join(f"{s.name}: {float(h):.4g}" for s, h in zip(plant.y, t.h[-1]))
+    between = ", and what the plant does between samples" if period is not None else ""
+    slow = [f"{name} move together by a mode of {mode:.4g}{'/s' if period is not None else ' per sample'} that no "
+            "observer changes: so slowly does the estimate tell them apart" for name, mode in cert["slow"]]
+    return ["r is what the faults do to y, and no further from it than r_bound at any sample, fault or not, however the "
+            "faults move within their ranges: so there is no false alarm, and r - r_bound to r + r_bound holds Df f. "
+            f"Rounding is included ({t.real}, with or without fused multiply-add){between}",
+            f"once settled r_bound is {last}; it comes down to that within {t.last << t.shift} samples from anywhere "
+            "in the declared range of x and f", *slow]
 
 
 def bend_of_steps(plant: Plant) -> Array:

@@ -7,7 +7,7 @@ For the recursion of ``fault_bounds``, e+ = N_j e + W_j d with |d_i| <= 1, and e
 makes V = e' P e obey V+ <= a V + tau, tau the largest trace of the D_j, at every sample and for every weights: those
 of a sample are a mean of vertices, and V is convex. A row c of the residual is then at most sqrt(V c' P^-1 c).
 
-From anywhere V starts at most at sum |P_ij| h_i h_j over the box of half widths h in which the error is.
+At a start the error is G xi with |xi_i| <= 1, and V at most the sum of |G' P G|: x in its box, z in its limits or known.
 
 Columns of W that move little are put together, one for each row: that makes the set of d larger.
 """
@@ -18,18 +18,18 @@ import numpy as np
 from flint import fmpq
 
 from ..errors import CertificateError
-from .exact import Q, inverse, leading_failure, product, rational, zeros
+from .exact import Q, inverse, leading_failure, product, rational, up, zeros
 from .fault_bounds import model
-from .polytope_thresholds import starts
+from .polytope_bounds import middle
 
 Array = np.ndarray
 #: A column is put together with others where all of it is below this share of what its rows are moved by.
-SMALL = fmpq(1, 50)
+SMALL = fmpq(1, 10)
 GRID = 2**70
 
 
 def condensed(W: Array) -> Array:
-    """The columns of W that matter, and a column per row for the rest.
+    """The columns of W that matter, as doubles, and a column per row for the rest.
 
     Parameters
     ----------
@@ -38,10 +38,11 @@ def condensed(W: Array) -> Array:
     total = abs(W).sum(axis=1)
     kept = [k for k in range(W.shape[1]) if any(abs(w) > SMALL * t for w, t in zip(W[:, k], total))]
     rest = [k for k in range(W.shape[1]) if k not in kept]
-    own = zeros(len(W), len(W))
-    for i, size in enumerate(abs(W[:, rest]).sum(axis=1)):
-        own[i, i] = fmpq(-((-(size * GRID)).p // (size * GRID).q), GRID) if size else fmpq(0)
-    return np.concatenate([W[:, kept], own], axis=1)
+    near = rational(np.array([[float(w) for w in row] for row in W[:, kept]]).reshape(len(W), len(kept)))
+    left, own = abs(W[:, rest]).sum(axis=1) + abs(W[:, kept] - near).sum(axis=1), zeros(len(W), len(W))
+    for i, size in enumerate(left):
+        own[i, i] = Q(up(size))
+    return np.concatenate([near, own], axis=1)
 
 
 def unit_bounds(found, P: Array) -> list[fmpq]:
@@ -56,14 +57,31 @@ def unit_bounds(found, P: Array) -> list[fmpq]:
     return [(c[None] @ back @ c[:, None])[0, 0] for c in found.O]
 
 
-def first_level(P: Array, half: Array) -> fmpq:
-    """Largest V over a box about zero.
+def starts(plant, t, T1E: Array) -> tuple[Array, Array]:
+    """G of the error at a start from the initial box, and of one from anywhere; rational (n, k).
 
     Parameters
     ----------
-    P : object array (n, n), half : object array (n,)
+    plant : Plant
+        Its x holds states and faults.
+    t : PolytopicTables
+    T1E : object array (n, n)
     """
-    return (abs(half)[None] @ abs(P) @ abs(half)[:, None])[0, 0]
+    found = []
+    for x, z in (((plant.x0_lo, plant.x0_hi), (t.z0, t.z0)), (plant.limits("x"), (t.z_lo, t.z_hi))):
+        (mid, half), (at, room) = middle(*x), middle(*z)
+        found.append(np.concatenate([(T1E @ mid - at)[:, None], T1E * half, np.diag(room)], axis=1))
+    return found[0], found[1]
+
+
+def first_level(P: Array, G: Array) -> fmpq:
+    """Largest V of G xi, |xi_i| <= 1, at most.
+
+    Parameters
+    ----------
+    P : object array (n, n), G : object array (n, k)
+    """
+    return abs(product(G.T, product(P, G))).sum()
 
 
 def levels(first: fmpq, share: fmpq, tau: fmpq, count: int) -> list[fmpq]:
@@ -121,17 +139,17 @@ def check(plant, problem, t, cert: dict, T1: Array, period: float | None, bend: 
         tau = max(tau, sum(D, fmpq(0)))
     if share * last + tau > last:
         raise CertificateError(f"certificate: the last level {cert['level']:.6g} of the error is not kept.")
-    if not 0 <= t.shift < 16 or t.start not in (0, t.last):
+    if not 0 <= t.shift < 16 or not 0 <= t.start <= t.last:
         raise CertificateError(f"certificate: the table of {t.last + 1} rows starts at {t.start}.")
     if not all(np.all(a <= z) and np.all(z <= c) for z in (t.z0, t.z_mid) for a, c in [(t.z_lo, t.z_hi)]):
         raise CertificateError("certificate: z does not start within its limits.")
     if any(Q(a) < Q(c) or Q(b) > Q(d) for a, b, c, d in zip(plant.x0_lo, plant.x0_hi, *plant.limits("x"))):
         raise CertificateError("certificate: the initial box is not within the declared range.")
-    first, whole = (first_level(P, half) for half in starts(plant, t, T1E))
-    if t.start == t.last and first > last:
-        raise CertificateError("certificate: the initial box is not within the last level.")
+    first, whole = (first_level(P, G) for G in starts(plant, t, T1E))
     sizes, count = unit_bounds(found[0], P), t.last << t.shift
     proved = levels(whole, share, tau, count)
+    if first > (last if t.start == t.last else proved[t.start << t.shift]):
+        raise CertificateError(f"certificate: the initial box is not within the level of row {t.start}.")
     for k, level in enumerate([*proved[:count], last]):
         _holds(level, sizes, found[0].room, t.h[min(k >> t.shift, t.last)], f"{k} samples after a start")
     if proved[count] > last:

@@ -85,7 +85,8 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
     shown = tuple(_statement(f"out->r[{i}]", _terms(row, [f"r[{k}]" for k in range(p)], t.real), t.real)
                   for i, row in enumerate(t.M))
     view = PolytopicView(
-        sizes=(Size("NH", f"{len(t.F)}U", "vertices"),
+        sizes=(Size("NH", f"{len(t.F) + t.known.shape[1]}U",
+                    "vertices" + f", and {t.known.shape[1]} known terms behind them" * bool(t.known.size)),
                Size("ROWS", f"{t.last + 1}U", "rows of the table of thresholds; the last holds for ever"),
                Size("LAST", f"{t.last << t.shift}U", "s->since once the last row holds")),
         libm=("",) * bool(t.weights.count(*LIBM, "sqrt")), reads=f"const {names.prefix}_in *in, " if read else "",
@@ -120,7 +121,8 @@ def steps(t: PolytopicTables) -> tuple[tuple[str, ...], dict[str, list]]:
     t : PolytopicTables
     """
     real, (p, n), m = t.real, t.C.shape, t.G.shape[2]
-    operands = [*(f"x_hat[{k}]" for k in range(n)), *(f"in->u[{k}]" for k in range(m)), *(f"r[{k}]" for k in range(p))]
+    operands = [*(f"x_hat[{k}]" for k in range(n)), *(f"in->u[{k}]" for k in range(m)), *(f"r[{k}]" for k in range(p)),
+                *(f"h[{k}]" for k in range(len(t.F), len(t.F) + t.known.shape[1]))]
 
     def terms(row: Array, names: list[str]) -> list[Term]:
         return _terms(row, names, real)

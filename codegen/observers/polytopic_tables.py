@@ -39,6 +39,8 @@ class PolytopicTables:
     real : {"float32", "float64"}
     T2 : ndarray (n, p), C : ndarray (p, n)
     F : ndarray (h, n, n), G : ndarray (h, n, m), K : ndarray (h, n, p)
+    known : ndarray (n, g)
+        Factors of the terms of z+ that the weights' program computes beside the weights.
     M : ndarray (p, p)
         Weight of the residual.
     z0, z_mid : ndarray (n,)
@@ -60,7 +62,7 @@ class PolytopicTables:
     columns : tuple of int
         Of theta, those that are measured.
     weights : Program
-        h weights and whether they are in force, of x_hat, u, theta.
+        h weights, g known terms and whether they are in force, of x_hat, u, theta.
     """
 
     real: str
@@ -69,6 +71,7 @@ class PolytopicTables:
     F: Array
     G: Array
     K: Array
+    known: Array
     M: Array
     z0: Array
     z_mid: Array
@@ -104,12 +107,12 @@ class PolytopicTables:
 
     @property
     def gains(self) -> Array:
-        """F, G and -K side by side (h, n, n + m + p): factors of (x_hat, u, r)."""
-        return np.concatenate([self.F, self.G, -self.K], axis=2)
+        """F, G, -K and known side by side (h, n, n + m + p + g): factors of (x_hat, u, r, known terms)."""
+        return np.concatenate([self.F, self.G, -self.K, np.tile(self.known, (len(self.F), 1, 1))], axis=2)
 
     @property
     def shared(self) -> Array:
-        """Entries of `gains` that are the same at all vertices (n, n + m + p)."""
+        """Entries of `gains` that are the same at all vertices (n, n + m + p + g)."""
         return np.all(self.gains == self.gains[0], axis=0)
 
     @property
@@ -149,8 +152,9 @@ class PolytopicTables:
     def from_dict(cls, data: dict, sizes: tuple[int, int, int, int]) -> PolytopicTables:
         """Rebuild from ``to_dict``; ``sizes`` is (n_modes, n_x, n_u, n_y)."""
         _, n, m, p = sizes
-        v, j = len(data["F"]), len(data["columns"])
-        shapes = {"T2": (n, p), "C": (p, n), "F": (v, n, n), "G": (v, n, m), "K": (v, n, p), "M": (p, p), "z0": (n,),
+        v, j, g = len(data["F"]), len(data["columns"]), len(data["known"][0])
+        shapes = {"T2": (n, p), "C": (p, n), "F": (v, n, n), "G": (v, n, m), "K": (v, n, p),
+                  "known": (n, g), "M": (p, p), "z0": (n,),
                   "z_mid": (n,), "y0": (p,), "y_mid": (p,), "h": (-1, p), "z_lo": (n,), "z_hi": (n,), "x_lo": (n,),
                   "x_hi": (n,), "x0_lo": (n,), "x0_hi": (n,), "u_lo": (m,), "u_hi": (m,), "y_lo": (p,), "y_hi": (p,),
                   "theta_lo": (j,), "theta_hi": (j,)}

@@ -35,12 +35,16 @@ import numpy as np
 
 from ..algebra.pencil import rank
 from ..errors import DesignError
+from . import fault_problem
 from .descriptor_gains import StandardGains, rounded
 from .descriptor_lmi import MARGIN, Bounds, assembled, he, minus, solve
 from .descriptor_problem import TOLERANCE, Scaling
 from .fault_problem import FaultProblem, told, unmoved
 
 Array = np.ndarray
+#: Options of ``[observer]``: decay rate (1/s; per sample of a discrete plant), bound of the gains in the units of
+#: the design, delay of sure alarms.
+OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "within": (0, 50)}
 #: Error of the model that the level counts beside d, as a share of a step.
 SHARE = 0.01
 
@@ -63,6 +67,11 @@ class FaultDesign:
     K: Array
     gamma: float
     slow: list[tuple[str, float]]
+
+
+def inapplicable(plant) -> str | None:
+    """Why a plant cannot have this observer, with what to change; None if it can."""
+    return fault_problem.inapplicable(plant)
 
 
 def design(problem: FaultProblem, bounds: Bounds) -> FaultDesign:

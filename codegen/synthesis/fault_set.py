@@ -20,12 +20,17 @@ from .descriptor_lmi import assembled, solve
 
 Array = np.ndarray
 #: Shares that are tried, as parts of the way from the least possible one to 1.
-PARTS = (0.2, 0.35, 0.5, 0.65)
+PARTS = (0.5,)
+#: V at most at a start, where it is 1 in the end: what it comes down from takes time.
+HIGHEST = 2e3
+#: Smallest squared size of an error beside the largest, for the solver's coordinates.
+LEAST = 1e-6
 #: Room for the exact check in coordinates where everything is near 1.
 SPARE = 1e-7
 
 
-def kept_ellipsoid(N: Sequence[Array], W: Sequence[Array], rows: Array) -> tuple[Array, list[Array], float] | None:
+def kept_ellipsoid(N: Sequence[Array], W: Sequence[Array], rows: Array,
+                   start: Array) -> tuple[Array, list[Array], float] | None:
     """Propose an ellipsoid with narrow bounds of some rows.
 
     Parameters
@@ -33,6 +38,8 @@ def kept_ellipsoid(N: Sequence[Array], W: Sequence[Array], rows: Array) -> tuple
     N : sequence of ndarray (n, n), W : sequence of ndarray (n, q)
     rows : ndarray (k, n)
         What is to be bounded.
+    start : ndarray (n, l)
+        The error at a start is this times numbers in [-1, 1]; V is at most `HIGHEST` there.
 
     Returns
     -------
@@ -46,11 +53,11 @@ def kept_ellipsoid(N: Sequence[Array], W: Sequence[Array], rows: Array) -> tuple
         return None
     L = coordinates(N, W)
     back = np.linalg.inv(L)
-    N, W, rows = [back @ M @ L for M in N], [back @ M for M in W], rows @ L
+    N, W, rows, start = [back @ M @ L for M in N], [back @ M for M in W], rows @ L, back @ start
     rows = rows / np.linalg.norm(rows, axis=1)[:, None]
     for part in PARTS:
         share = least + part * (1 - least)
-        found = _for_share(N, W, rows, share)
+        found = _for_share(N, W, rows, start, share)
         if found is not None and (best is None or found[0] < best[0]):
             best = (*found, share)
     if best is None:
@@ -70,16 +77,15 @@ def coordinates(N: Sequence[Array], W: Sequence[Array]) -> Array:
     mean = sum(N) / len(N)
     X = scipy.linalg.solve_discrete_lyapunov(mean, sum(M @ M.T for M in W) / len(W))
     values, vectors = np.linalg.eigh((X + X.T) / 2)
-    size = np.sqrt(np.diag(X))
-    values = np.maximum(values, 1e-12 * values.max())
-    return vectors * np.sqrt(values) if size.max() > 0 else np.eye(len(X))
+    values = np.maximum(values, LEAST * values.max())
+    return vectors * np.sqrt(values) if values.max() > 0 else np.eye(len(X))
 
 
-def _for_share(N, W, rows: Array, share: float):
+def _for_share(N, W, rows: Array, start: Array, share: float):
     n, q = N[0].shape[0], W[0].shape[1]
     P, top = cp.Variable((n, n), symmetric=True), cp.Variable(len(rows))
     D = [cp.Variable(q, nonneg=True) for _ in N]  # in units of 1 - share, as W' P W is
-    conditions = [P >> SPARE * np.eye(n)]
+    conditions = [P >> SPARE * np.eye(n), cp.sum(cp.abs(start.T @ P @ start)) <= HIGHEST]
     for M, wide, d in zip(N, W, D):
         wide = wide / np.sqrt(1 - share)
         S = assembled([[share * P - M.T @ P @ M, -(M.T @ P @ wide)], [cp.diag(d) - wide.T @ P @ wide]])
