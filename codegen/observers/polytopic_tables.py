@@ -145,17 +145,18 @@ class PolytopicTables:
         w = self.weights
         program = {"inputs": w.inputs, "constants": list(w.constants), "results": list(w.results),
                    "operations": [[op.name, *op.args] for op in w.operations]}
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self) if f.name not in ("weights", "columns")} | {
+        unsaid = {"weights", "columns"} | ({"known"} if self.known.size == 0 else set())
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self) if f.name not in unsaid} | {
             "columns": list(self.columns), "weights": program}
 
     @classmethod
     def from_dict(cls, data: dict, sizes: tuple[int, int, int, int]) -> PolytopicTables:
         """Rebuild from ``to_dict``; ``sizes`` is (n_modes, n_x, n_u, n_y)."""
-        _, n, m, p = sizes
-        v, j, g = len(data["F"]), len(data["columns"]), len(data["known"][0])
-        shapes = {"T2": (n, p), "C": (p, n), "F": (v, n, n), "G": (v, n, m), "K": (v, n, p),
-                  "known": (n, g), "M": (p, p), "z0": (n,),
-                  "z_mid": (n,), "y0": (p,), "y_mid": (p,), "h": (-1, p), "z_lo": (n,), "z_hi": (n,), "x_lo": (n,),
+        _, _, m, p = sizes
+        data, n = {"known": np.zeros((len(data["T2"]), 0))} | data, len(data["T2"])  # n_x, or n_x + n_f
+        v, j, g = len(data["F"]), len(data["columns"]), np.shape(data["known"])[1]
+        shapes = {"T2": (n, p), "C": (p, n), "F": (v, n, n), "G": (v, n, m), "K": (v, n, p), "known": (n, g),
+                  "M": (p, p), "z0": (n,), "z_mid": (n,), "y0": (p,), "y_mid": (p,), "h": (-1, p), "z_lo": (n,), "z_hi": (n,), "x_lo": (n,),
                   "x_hi": (n,), "x0_lo": (n,), "x0_hi": (n,), "u_lo": (m,), "u_hi": (m,), "y_lo": (p,), "y_hi": (p,),
                   "theta_lo": (j,), "theta_hi": (j,)}
         dtype, w = np.dtype(data["real"]), data["weights"]
