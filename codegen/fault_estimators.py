@@ -138,7 +138,7 @@ def certified(plant: Plant, proposal: FaultProposal, options: dict, real: str) -
     F = F.astype(real).astype(float)
     own = replace(gains, C=C, F=F, G=gains.G[:, :, :n_u])
     t = tables_of(whole, own, np.eye(len(C)), real)
-    t = replace(t, known=gains.G[0, :, n_u:].astype(real))
+    t = replace(t, known=gains.G[0, :, n_u:].astype(real), faults=plant.n_f)
     t, held = frozen(whole, problem.whole, t, T1, proposal.period, bend_of_steps(plant))
     return t, {"kind": "polytopic", "level": float(np.max(t.h[-1])), "claimed": proposal.found.gamma,
                "T1": T1.tolist(), "slow": [[name, mode * s.time] for name, mode in proposal.found.slow],

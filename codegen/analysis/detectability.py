@@ -122,7 +122,7 @@ def _estimated(plant, t: PolytopicTables) -> list[float]:
 
     Its residual is Df f within the threshold: twice the threshold is beyond it, at every sample once settled.
     """
-    if t.T2.shape[0] == plant.n_x:
+    if not t.faults:
         return [np.inf] * plant.n_f
     last = 2 * t.h[-1].astype(float) * (1 + 1e-12)
     return [min((float(b / abs(c)) for b, c in zip(last, column) if c), default=np.inf) for column in plant.polytope.Df.T]

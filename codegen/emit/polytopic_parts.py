@@ -21,7 +21,7 @@ Array = np.ndarray
 class PolytopicView:
     """Sizes, statements, tables. Of ``libm``, ``varies``, ``weighted`` (the name of the raw residual) one entry or
     none; ``reads`` and ``called`` are the parameter ``in`` of the weights, ``idle`` and ``unread`` say
-    that nothing reads it.
+    that nothing reads it. ``anew`` is when the thresholds start again, ``sure`` a line or none.
     """
 
     sizes: tuple[Size, ...]
@@ -39,6 +39,8 @@ class PolytopicView:
     limits: tuple[Table, ...]
     row: str
     unread: tuple[str, ...]
+    anew: str
+    sure: tuple[str, ...]
 
 
 def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
@@ -65,9 +67,13 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
                  for c, stem in zip(y, macro_names(c.name for c in y)))
     seen = "M (y - C x_hat)" if t.weighted else "y - C x_hat"
     word = "uint32_t"
-    out = ((real, "x_hat", f"[{m}_NX]", ("estimate of x at this sample",)),
+    estimate, bound = "estimate of x at this sample", "largest magnitude of r without a fault; 0 after predict"
+    if t.faults:
+        estimate, bound = "estimate of x, then of the faults, at this sample", "r is as near to that; 0 after predict"
+        seen += ": what the faults do to y"
+    out = ((real, "x_hat", f"[{m}_NX]", (estimate,)),
            (real, "r", f"[{m}_NY]", (f"residual {seen}; 0 after predict",)),
-           (real, "r_bound", f"[{m}_NY]", ("largest magnitude of r without a fault; 0 after predict",)),
+           (real, "r_bound", f"[{m}_NY]", (bound,)),
            (word, "raw", "", (f"{m}_BIT_ of what is beyond its bound at this sample; 0 after predict",)),
            (word, "alarm", "", ("the same after the debounce; 0 after predict",)),
            (word, "latched", "", ("alarm bits as kept; act on these",)),
@@ -96,7 +102,9 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
         residual=tuple(_statement(f"r[{i}]", terms, t.real) for i, terms in enumerate(sums["r"])), shown=shown,
         move=move, thresholds=Table("threshold", f"[{m}_ROWS][{m}_NY]", (), table),
         limits=(vector_table("least", f"{m}_NX", t.z_lo, t.real), vector_table("most", f"{m}_NX", t.z_hi, t.real)),
-        row=f"(s->since >> {t.shift}U)" if t.shift else "s->since", unread=() if u or theta else ("in",))
+        row=f"(s->since >> {t.shift}U)" if t.shift else "s->since", unread=() if u or theta else ("in",),
+        anew="false" if t.faults else "again && (out->raw == 0U)",
+        sure=("out->assured = 1U; /* the faults are part of the estimate and spoil nothing */",) if t.faults else ())
     return Parts(
         noun=FILTERS, header="polytopic.h.jinja", self_test="harness/test_polytopic.c.jinja", bits=bits, maps=(),
         state=state_layout(names, s, p, numbers, n + p, [], words), out_fields=tuple(Field(*f) for f in out),

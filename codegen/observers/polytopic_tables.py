@@ -63,6 +63,9 @@ class PolytopicTables:
         Of theta, those that are measured.
     weights : Program
         h weights, g known terms and whether they are in force, of x_hat, u, theta.
+    faults : int
+        Entries of x_hat that are faults, the last ones. C does not read them, so that the residual is what the faults
+        do to y, and its thresholds hold around that, fault or not.
     """
 
     real: str
@@ -94,6 +97,7 @@ class PolytopicTables:
     theta_hi: Array
     columns: tuple[int, ...]
     weights: Program
+    faults: int = 0
 
     #: No other coordinates (``FramerTables``); nothing is cut to the declared range.
     change = None
@@ -145,7 +149,7 @@ class PolytopicTables:
         w = self.weights
         program = {"inputs": w.inputs, "constants": list(w.constants), "results": list(w.results),
                    "operations": [[op.name, *op.args] for op in w.operations]}
-        unsaid = {"weights", "columns"} | ({"known"} if self.known.size == 0 else set())
+        unsaid = {"weights", "columns"} | ({"known", "faults"} if not self.faults else set())
         return {f.name: plain(getattr(self, f.name)) for f in fields(self) if f.name not in unsaid} | {
             "columns": list(self.columns), "weights": program}
 
@@ -165,4 +169,4 @@ class PolytopicTables:
                                                                     for name, *args in w["operations"]),
                           tuple(w["results"]))
         return cls(real=data["real"], start=int(data["start"]), shift=int(data["shift"]),
-                   columns=tuple(data["columns"]), weights=weights, **arrays)
+                   columns=tuple(data["columns"]), weights=weights, faults=int(data.get("faults", 0)), **arrays)
