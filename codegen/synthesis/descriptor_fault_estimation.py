@@ -45,6 +45,8 @@ Array = np.ndarray
 #: Options of ``[observer]``: decay rate (1/s; per sample of a discrete plant), bound of the gains in the units of
 #: the design, delay of sure alarms.
 OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "within": (0, 50)}
+#: Entries below that, in the units of the design, are what a solver leaves of zeros.
+NOTHING = 1e-9
 #: Error of the model that the level counts beside d, as a share of a step.
 SHARE = 0.01
 
@@ -240,7 +242,7 @@ def assembled_whole(problem: FaultProblem, T1: Array, T2: Array, K: list[Array],
         scale = whole.C[output, state]
         all2[state, output] = 1 / scale
         all2[kept, output] = -(T1 @ whole.E[:problem.n_x, state] + T2 @ whole.C[outputs, state]) / scale
-    return FaultDesign(all1, all2, gains, gamma, slow)
+    return FaultDesign(*(np.where(np.abs(M) < NOTHING, 0.0, M) for M in (all1, all2, gains)), gamma, slow)
 
 
 def gains_of(problem: FaultProblem, found: FaultDesign, s: Scaling, period: float | None, real: str) -> StandardGains:
