@@ -134,9 +134,9 @@ def table(plant: Plant, truth: PlantTrace, trace) -> str:
     -------
     text : str
         Columns k, t, x_lo.<state> ..., x_hi.<state> ..., r_lo.<output> ..., r_hi.<output> ..., alarm, latched,
-        assured, status; of a filter f_hat.<fault> ..., f_bound.<fault> ... in place of the bounds; of a polytopic observer
-        x_hat.<state> ..., r.<output> ..., r_bound.<output> ...; then the words that only this family has. Every number
-        reads back exactly.
+        assured, status; of a filter f_hat.<fault> ..., f_bound.<fault> ... in place of the bounds; of a polytopic
+        observer x_hat.<state> ..., r.<output> ..., r_bound.<output> ...; then the words that only this family has.
+        Every number reads back exactly.
     """
     names = {"x_lo": plant.x, "x_hi": plant.x, "r_lo": plant.y, "r_hi": plant.y}
     if isinstance(trace, FilterTrace):
