@@ -152,15 +152,52 @@ def inapplicable(plant) -> str | None:
     """
     reason = refusal(plant, known=True)
     if reason is not None:
-        return reason
+        return f"{reason}."
     p = plant.polytope
     if not plant.f:
-        return "it has no fault to estimate (signals.f is empty)"
+        return "it has no fault to estimate (signals.f is empty). Declare one."
+    for vector in "xuywvf":
+        for s in getattr(plant, vector):
+            if not (np.isfinite(s.lo) and np.isfinite(s.hi)):
+                return f'signals.{vector} "{s.name}" has no range, expected one: bounds rest on it. Add one.'
     unseen = [s.name for s, column in zip(plant.f, p.Df.T) if not column.any()]
     if unseen:
         return (f"the fault {unseen[0]} acts on no output (its column of Df is zero); how it moves is not modelled, so "
-                "that nothing tells it from the state. Estimate faults of sensors, or make it a disturbance")
-    problem, s = fault_problem(plant)
+                "that nothing tells it from the state. Estimate faults of sensors, or make it a disturbance.")
+    reads = unknown_to_the_weights(plant)
+    if reads:
+        return (f"its weights read {reads}, which no output gives exactly, expected inputs, parameters measured without "
+                "error and states that an output is, without noise, fault or input: the bounds rest on weights that "
+                "plant and observer share. Choose factors that vary with these.")
+    return unseen_by(*fault_problem(plant), plant.kind)
+
+
+def unknown_to_the_weights(plant) -> str:
+    """The first state or parameter that the weights read and the observer does not know exactly; empty for none.
+
+    Parameters
+    ----------
+    plant : Plant
+        With a polytope.
+    """
+    p = plant.polytope
+    known = {p.symbols[k] for k in p.exact} | set(p.symbols[plant.n_x:plant.n_x + plant.n_u])
+    known |= {s for s, t in zip(p.symbols[plant.n_x + plant.n_u:], plant.theta) if t.measured and t.error == 0}
+    used = set().union(*(z.term.free_symbols for z in p.premises), *(w.free_symbols for w in p.raw))
+    names = {s: t.name for s, t in zip(p.symbols, (*plant.x, *plant.u, *plant.theta))}
+    return min((names[s] for s in used - known), default="")
+
+
+def unseen_by(problem: FaultProblem, s: Scaling, kind: str) -> str | None:
+    """Why states and faults cannot be told apart; None where they can.
+
+    Parameters
+    ----------
+    problem : FaultProblem
+        In the plant's units.
+    s : Scaling
+    kind : {"continuous", "discrete"}
+    """
     tall = np.vstack([problem.E, problem.C])
     if rank(tall) < tall.shape[1]:
         v = np.linalg.svd(tall)[2][-1]
@@ -168,12 +205,12 @@ def inapplicable(plant) -> str | None:
                  if abs(v[i]) > 1e-6]
         return (f"rank [E; C] of states and faults is {rank(tall)}, expected {tall.shape[1]}: a change of "
                 f"{' and '.join(sorted(share[:3]))} is seen by no output and no derivative. Measure an algebraic state "
-                "with a sensor that is sound, or take a fault out")
+                "with a sensor that is sound, or take a fault out.")
     for v, mode in unmoved(in_units(problem, s)):
-        if abs(mode) >= 1 - TOLERANCE if plant.kind == "discrete" else mode >= -TOLERANCE:
+        if abs(mode) >= 1 - TOLERANCE if kind == "discrete" else mode >= -TOLERANCE:
             return (f"nothing tells {told(problem, v)} apart: they move together by a mode of {mode * s.time:.4g} that "
                     "no observer changes and that does not decay. Measure more, take a fault out, or choose other "
-                    "factors")
+                    "factors.")
     return None
 
 
