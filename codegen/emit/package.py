@@ -82,6 +82,7 @@ def resources(d: DesignView, design) -> dict:
     theta = {} if not d.theta else {name: getattr(t.vary, name).astype(float).tolist()
                                     for name in ("theta_lo", "theta_hi")}
     own = {"mode": {"S": t.S.tolist(), "ages": t.ages}} if isinstance(t, ModeTables) else {}
+    own |= {"faults": t.faults} if getattr(t, "faults", 0) else {}  # of x_hat, the last entries
     return {"generator": f"residua {d.version}", "prefix": d.prefix, "macro": d.macro, "real": d.real,
             "layout": d.layout, "family": d.family, "certificate": design.digest,
             "n_x": len(d.x), "n_u": len(d.u), "n_y": len(d.y), "n_theta": len(d.theta),

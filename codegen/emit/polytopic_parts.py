@@ -21,7 +21,8 @@ Array = np.ndarray
 class PolytopicView:
     """Sizes, statements, tables. Of ``libm``, ``varies``, ``weighted`` (the name of the raw residual) one entry or
     none; ``reads`` and ``called`` are the parameter ``in`` of the weights, ``idle`` and ``unread`` say
-    that nothing reads it. ``anew`` is when the thresholds start again, ``sure`` a line or none.
+    that nothing reads it. ``anew`` and ``again`` say when the thresholds start again, ``sure`` is a
+    line or none.
     """
 
     sizes: tuple[Size, ...]
@@ -41,6 +42,7 @@ class PolytopicView:
     unread: tuple[str, ...]
     anew: str
     sure: tuple[str, ...]
+    again: str
 
 
 def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
@@ -93,6 +95,7 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
     view = PolytopicView(
         sizes=(Size("NH", f"{len(t.F) + t.known.shape[1]}U",
                     "vertices" + f", and {t.known.shape[1]} known terms behind them" * bool(t.known.size)),
+               *((Size("NF", f"{t.faults}U", "faults: the last entries of x_hat"),) if t.faults else ()),
                Size("ROWS", f"{t.last + 1}U", "rows of the table of thresholds; the last holds for ever"),
                Size("LAST", f"{t.last << t.shift}U", "s->since once the last row holds")),
         libm=("",) * bool(t.weights.count(*LIBM, "sqrt")), reads=f"const {names.prefix}_in *in, " if read else "",
@@ -104,7 +107,8 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
         limits=(vector_table("least", f"{m}_NX", t.z_lo, t.real), vector_table("most", f"{m}_NX", t.z_hi, t.real)),
         row=f"(s->since >> {t.shift}U)" if t.shift else "s->since", unread=() if u or theta else ("in",),
         anew="false" if t.faults else "again && (out->raw == 0U)",
-        sure=("out->assured = 1U; /* the faults are part of the estimate and spoil nothing */",) if t.faults else ())
+        sure=("out->assured = 1U; /* the faults are part of the estimate and spoil nothing */",) if t.faults else (),
+        again="anew || (!kept) || (!inside)" if t.faults else "anew || (!kept)")
     return Parts(
         noun=FILTERS, header="polytopic.h.jinja", self_test="harness/test_polytopic.c.jinja", bits=bits, maps=(),
         state=state_layout(names, s, p, numbers, n + p, [], words), out_fields=tuple(Field(*f) for f in out),

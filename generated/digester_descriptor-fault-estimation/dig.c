@@ -552,7 +552,7 @@ static void dig_move(dig_state *s, const dig_in *in, const dig_real r[DIG_NY], b
     {
         out->assured = 0U;
     }
-    if (anew || (!kept))
+    if (anew || (!kept) || (!inside))
     {
         s->since = 0U;
     }

@@ -92,6 +92,7 @@ typedef float dig_real;
 #define DIG_NY 4U
 #define DIG_BITS 4U
 #define DIG_NH 6U /* vertices, and 2 known terms behind them */
+#define DIG_NF 3U /* faults: the last entries of x_hat */
 #define DIG_ROWS 12U /* rows of the table of thresholds; the last holds for ever */
 #define DIG_LAST 1408U /* s->since once the last row holds */
 
