@@ -167,9 +167,9 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
     between = ", and what the plant does between samples" if period is not None else ""
     slow = [f"{name} move together by a mode of {mode:.4g}{'/s' if period is not None else ' per sample'} that no "
             "observer changes: so slowly does the estimate tell them apart" for name, mode in cert["slow"]]
-    return ["r is what the faults do to y, and no further from it than r_bound at any sample, fault or not, however the "
-            "faults move within their ranges: so there is no false alarm, and r - r_bound to r + r_bound holds Df f. "
-            f"Rounding is included ({t.real}, with or without fused multiply-add){between}",
+    return ["r is what the faults do to y, and no further from it than r_bound at any sample, fault or not, however "
+            "the faults move within their ranges: so there is no false alarm, and r - r_bound to r + r_bound holds "
+            f"Df f. Rounding is included ({t.real}, with or without fused multiply-add){between}",
             f"once settled r_bound is {last}; it comes down to that within {t.last << t.shift} samples from anywhere "
             "in the declared range of x and f", *slow]
 

@@ -1,4 +1,4 @@
-"""From constants of an observer of states and faults to its tables: limits of its state, thresholds that a set gives."""
+"""From constants of an observer of states and faults to its tables: limits of its state, thresholds of a kept set."""
 
 from __future__ import annotations
 

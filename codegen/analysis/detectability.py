@@ -125,7 +125,8 @@ def _estimated(plant, t: PolytopicTables) -> list[float]:
     if not t.faults:
         return [np.inf] * plant.n_f
     last = 2 * t.h[-1].astype(float) * (1 + 1e-12)
-    return [min((float(b / abs(c)) for b, c in zip(last, column) if c), default=np.inf) for column in plant.polytope.Df.T]
+    return [min((float(b / abs(c)) for b, c in zip(last, column) if c), default=np.inf)
+            for column in plant.polytope.Df.T]
 
 
 def limited(cert: dict) -> tuple[float, float] | None:

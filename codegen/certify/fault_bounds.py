@@ -91,7 +91,7 @@ def model(plant, problem, t, T1: Array, period: float | None, bend: Array) -> tu
         What it estimates is y - C x_hat without what the faults are in it.
     T1E : object array (n, n)
     """
-    n, m, p = len(problem.E), len(t.u_lo), len(problem.C)
+    n, p = len(problem.E), len(problem.C)
     held = SimpleNamespace(T2=t.T2, F=t.F, K=t.K, C=t.C,
                            G=np.concatenate([t.G, np.tile(t.known, (len(t.F), 1, 1))], axis=2))
     tied = replace(problem, pairs=tuple((i, i) for i in range(len(problem.A))))

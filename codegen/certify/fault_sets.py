@@ -7,7 +7,8 @@ For the recursion of ``fault_bounds``, e+ = N_j e + W_j d with |d_i| <= 1, and e
 makes V = e' P e obey V+ <= a V + tau, tau the largest trace of the D_j, at every sample and for every weights: those
 of a sample are a mean of vertices, and V is convex. A row c of the residual is then at most sqrt(V c' P^-1 c).
 
-At a start the error is G xi with |xi_i| <= 1, and V at most the sum of |G' P G|: x in its box, z in its limits or known.
+At a start the error is G xi with |xi_i| <= 1 (x in its box, z known or in its limits), and V at most the sum of
+|G' P G|.
 
 Columns of W that move little are put together, one for each row: that makes the set of d larger.
 """
@@ -46,7 +47,7 @@ def condensed(W: Array) -> Array:
 
 
 def unit_bounds(found, P: Array) -> list[fmpq]:
-    """c' P^-1 c of every row c of what is judged.
+    """Value c' P^-1 c of every row c of what is judged.
 
     Parameters
     ----------
@@ -122,17 +123,18 @@ def check(plant, problem, t, cert: dict, T1: Array, period: float | None, bend: 
     found, T1E = model(plant, problem, t, T1, period, bend)
     P, share, last = rational(np.array(cert["P"], dtype=float)), Q(cert["share"]), Q(cert["level"])
     if P.shape != (len(T1E), len(T1E)) or np.any(P != P.T) or leading_failure(P) is not None or not 0 <= share < 1:
-        raise CertificateError("certificate: P is no symmetric, positive definite matrix, or its share is not in [0, 1).")
+        raise CertificateError("certificate: P is no symmetric, positive definite matrix, or its share is not in "
+                               "[0, 1).")
     tau = fmpq(0)
     for name, m, d in zip(problem.names, found, cert["D"], strict=True):
         W, D = condensed(m.W), rational(np.array(d, dtype=float))
         if len(D) != W.shape[1] or any(v < 0 for v in D):
             raise CertificateError(f'certificate: D of vertex "{name}" has {len(D)} entries (found), expected '
                                    f"{W.shape[1]} that are not negative.")
-        S = np.concatenate([np.concatenate([share * P - product(m.J.T, product(P, m.J)), -product(m.J.T, product(P, W))],
-                                           axis=1),
-                            np.concatenate([-product(W.T, product(P, m.J)), np.diag(D) - product(W.T, product(P, W))],
-                                           axis=1)])
+        both = np.concatenate([m.J, W], axis=1)
+        S, n = -product(both.T, product(P, both)), len(P)
+        S[:n, :n] += share * P
+        S[n:, n:] += np.diag(D)
         if leading_failure(S) is not None:
             raise CertificateError(f'certificate: the ellipsoid of the error is not kept at vertex "{name}". Try '
                                    "float64, a faster decay or larger gains.")

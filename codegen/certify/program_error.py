@@ -56,11 +56,11 @@ def _operation(program, k: int, op, args: list, real: str) -> Value | None:
     name = op.name
     if name in ("ge", "le", "gt", "and"):
         return None
-    if name == "select":
-        return _select(program, op, args)
-    if any(v is None for v in args):
+    if any(v is None for v in (args[1:] if name == "select" else args)):
         raise CertificateError("certificate: a weight or known term reads an estimate (found), expected inputs, "
                                "parameters and states that an output is.")
+    if name == "select":
+        return _select(program, op, args)
     (a_lo, a_hi, a), (b_lo, b_hi, b) = (*args, (fmpq(0), fmpq(0), fmpq(0)))[:2]
     a_size, b_size = max(abs(a_lo), abs(a_hi)), max(abs(b_lo), abs(b_hi))
     if name in ("neg", "abs", "min", "max"):  # exact
@@ -80,8 +80,8 @@ def _operation(program, k: int, op, args: list, real: str) -> Value | None:
     elif name == "div":
         least = min(abs(b_lo), abs(b_hi))
         if b_lo <= 0 <= b_hi or least <= b:
-            raise CertificateError("certificate: a divisor of a weight or known term may be zero, or is as small as its "
-                                   "rounding. Narrow the ranges.")
+            raise CertificateError("certificate: a divisor of a weight or known term may be zero, or is as small as "
+                                   "its rounding. Narrow the ranges.")
         ends = [x / y for x in (a_lo, a_hi) for y in (b_lo, b_hi)]
         lo, hi, error = min(ends), max(ends), (a + max(map(abs, ends)) * b) / (least - b)
     else:

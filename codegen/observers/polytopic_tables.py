@@ -160,7 +160,8 @@ class PolytopicTables:
         data, n = {"known": np.zeros((len(data["T2"]), 0))} | data, len(data["T2"])  # n_x, or n_x + n_f
         v, j, g = len(data["F"]), len(data["columns"]), np.shape(data["known"])[1]
         shapes = {"T2": (n, p), "C": (p, n), "F": (v, n, n), "G": (v, n, m), "K": (v, n, p), "known": (n, g),
-                  "M": (p, p), "z0": (n,), "z_mid": (n,), "y0": (p,), "y_mid": (p,), "h": (-1, p), "z_lo": (n,), "z_hi": (n,), "x_lo": (n,),
+                  "M": (p, p), "z0": (n,), "z_mid": (n,), "y0": (p,), "y_mid": (p,),
+                  "h": (-1, p), "z_lo": (n,), "z_hi": (n,), "x_lo": (n,),
                   "x_hi": (n,), "x0_lo": (n,), "x0_hi": (n,), "u_lo": (m,), "u_hi": (m,), "y_lo": (p,), "y_hi": (p,),
                   "theta_lo": (j,), "theta_hi": (j,)}
         dtype, w = np.dtype(data["real"]), data["weights"]

@@ -84,7 +84,7 @@ def _box(plant: Plant) -> dict:
 
 
 def _blended(p) -> list:
-    """f of vertices: their sum with their weights."""
+    """Return f of vertices: their sum with their weights."""
     import sympy
     n, m = p.vertices[0].A.shape[0], p.vertices[0].B.shape[1]
     x, u = sympy.Matrix(p.symbols[:n]), sympy.Matrix(p.symbols[n:n + m])

@@ -3,7 +3,8 @@ r"""A polytopic descriptor plant: constant vertices, blended by weights that dep
     E x' = sum_i h_i (A_i x + B_i u + Bw_i w + Bf_i f + offset_i) + g,    y = C x + D u + Dv v + Df f
 
 (x+ in place of x' in discrete time), h_i >= 0 with sum 1, functions of x, u and theta; E may be singular, E and the
-outputs are the same at all vertices. g, zero in most plants, is any function of what is known exactly at run time. The weights are sympy expressions and come in two forms:
+outputs are the same at all vertices. g, zero in most plants, is any function of what is known exactly at run time.
+The weights are sympy expressions and come in two forms:
 
 * sector: each `Premise` z_k in [lo_k, hi_k] has two weights, (hi_k - z_k)/(hi_k - lo_k) and 1 minus that; h_i is the
   product of one of them per premise, bit k of i (first premise first) telling which. The model is exact.

@@ -1,6 +1,7 @@
 r"""Sensor faults as states: a polytopic descriptor plant (x, f), and what of it is left to estimate.
 
-    diag(E, 0) (x, f)' = sum_i h_i ([A_i Bf_i; 0 -I] (x, f) + [B_i; 0] u + [Bd_i; 0] d) + [g; f],    y = [C Df] (x, f) + Dd d
+    diag(E, 0) (x, f)' = sum_i h_i ([A_i Bf_i; 0 -I] (x, f) + [B_i; 0] u + [Bd_i; 0] d) + [g; f],
+    y = [C Df] (x, f) + Dd d
 
 The last rows say f = f and are there to make the plant square; what an observer does with them must be nothing, or it
 believes in f = 0. So f may move as it likes.
@@ -166,9 +167,9 @@ def inapplicable(plant) -> str | None:
                 "that nothing tells it from the state. Estimate faults of sensors, or make it a disturbance.")
     reads = unknown_to_the_weights(plant)
     if reads:
-        return (f"its weights read {reads}, which no output gives exactly, expected inputs, parameters measured without "
-                "error and states that an output is, without noise, fault or input: the bounds rest on weights that "
-                "plant and observer share. Choose factors that vary with these.")
+        return (f"its weights read {reads}, which no output gives exactly, expected inputs, parameters measured "
+                "without error and states that an output is, without noise, fault or input: the bounds rest on weights "
+                "that plant and observer share. Choose factors that vary with these.")
     return unseen_by(*fault_problem(plant), plant.kind)
 
 
