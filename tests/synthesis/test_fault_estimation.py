@@ -9,17 +9,20 @@ import numpy as np
 import pytest
 import sympy
 from flint import fmpq
+from helpers.folders import write
 from helpers.scripts import ROOT
+from helpers.tools import need
 
 import codegen
 from codegen.algebra.program import Builder
-from codegen.certify import fault_bounds
+from codegen.certify import fault_bounds, fault_sets
 from codegen.certify.polytope_gain import check as exact_check
 from codegen.certify.program_error import program_errors
 from codegen.descriptors import certified
 from codegen.designs import claims_of, read_design
 from codegen.errors import CertificateError, DesignError, PlantError
 from codegen.fault_estimators import bend_of_steps, check, propose, with_faults
+from codegen.host.build import build
 from codegen.observers.polytopic_step import evaluate
 from codegen.plant.bend import bend
 from codegen.plant.load import gallery_folder, load, loads
@@ -46,8 +49,10 @@ def truth():
 
 
 @lru_cache
-def answers():
-    return kept().observer.run(truth().u, truth().y)
+def judged():
+    """What every check of the kept design is about, but for tables and certificate."""
+    plant = kept().plant
+    return with_faults(plant), fault_problem(plant)[0].whole, bend_of_steps(plant)
 
 
 def faster() -> str:
@@ -83,14 +88,17 @@ def test_the_figures_of_the_thesis_from_a_start_that_is_not_consistent():
     true = simulate(plant, "three faults", seed=1)
     assert np.all(true.f[2000:2199] != 0)
     error = estimates(plant, true.u, true.y, PRINTED) - np.hstack([true.x, true.f])
-    assert np.all(np.abs(error[800, 4:]) < [5e-4, 5e-4, 0.03]) and np.abs(error[0, 4:]).max() > 0.3
+    assert np.all(np.abs(error[800, 4:]) < [1e-3, 1e-3, 0.02]) and np.abs(error[0, 4:]).max() > 0.3
     assert np.all(np.sqrt(np.mean(error[2000:, 4:] ** 2, axis=0)) < [7e-5, 6e-5, 5.8e-4])
     # A state that an output is exactly is read there; the printed start of growth contradicts the equations.
     assert np.all(error[:, 3] == 0)
 
 
-def test_the_firmware_estimates_three_faults_at_once_within_its_bounds():
-    true, got = truth(), answers()
+def test_the_firmware_estimates_three_faults_at_once_within_its_bounds(tmp_path):
+    """Of the compiled C; tests/sil hold it against the reference."""
+    need("gcc")
+    true = truth()
+    got = build(write(kept(), tmp_path)).run(true.u, true.y)
     late, f_hat = slice(1000, None), got.x_hat[:, 4:]
     assert np.all(true.f[1200:1500] != 0)
     assert np.all(np.sqrt(np.mean((f_hat - true.f)[late] ** 2, axis=0)) < [1e-4, 8e-5, 2e-4])
@@ -107,10 +115,9 @@ def test_the_firmware_estimates_three_faults_at_once_within_its_bounds():
 
 def test_the_bounds_are_near_what_the_recursion_reaches():
     """Worst sequences of vertices and disturbances of the exact error model; simulated without the certificate."""
-    made = kept()
-    t, whole = made.observer.tables["float32"], with_faults(made.plant)
-    problem, cert = fault_problem(made.plant)[0].whole, made.certificate["float32"]
-    model, _ = fault_bounds.model(whole, problem, t, np.array(cert["T1"]), 864.0, bend_of_steps(made.plant))
+    t, cert = kept().observer.tables["float32"], kept().certificate["float32"]
+    whole, problem, bent = judged()
+    model, _ = fault_bounds.model(whole, problem, t, np.array(cert["T1"]), 864.0, bent)
     J, W = ([np.array(M, dtype=float) for M in (getattr(m, k) for m in model)] for k in "JW")
     worst, rng = np.zeros(4), np.random.default_rng(0)
     for j in range(3):  # the response of residual j backwards, at each sample the vertex that lasts longest
@@ -155,8 +162,18 @@ def tampered():
 @pytest.mark.parametrize("what", [name for name, *_ in tampered()])
 def test_what_is_not_the_proved_observer_is_refused(what):
     t, cert = next(rest for name, *rest in tampered() if name == what)
+    plant, problem, bent = judged()
     with pytest.raises(CertificateError):
-        check(kept().plant, t, cert)
+        fault_sets.check(plant, problem, t, cert["thresholds"], np.array(cert["T1"]), 864.0, bent)
+
+
+def test_what_happens_between_samples_counts():
+    cert = kept().certificate["float32"]
+    plant, problem, bent = judged()
+    given = plant, problem, kept().observer.tables["float32"], cert["thresholds"], np.array(cert["T1"])
+    fault_sets.check(*given, 864.0, bent)
+    with pytest.raises(CertificateError):
+        fault_sets.check(*given, 864.0, 1.2 * bent)
 
 
 def test_the_claims_rest_on_the_plant_of_the_design():
