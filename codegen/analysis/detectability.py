@@ -19,7 +19,7 @@ import numpy as np
 
 from ..algebra.dwell import admissible
 from ..observers import FilterTables, PointTables, PolytopicTables
-from . import filter_detection, point_detection, robust
+from . import filter_detection, point_detection, polytopic_detection, robust
 from .adjoint import ResidualModel, extremes, fault_response
 
 Array = np.ndarray
@@ -93,7 +93,8 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
         found = filter_detection.thresholds(plant, t, within)
         return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
     if isinstance(t, PolytopicTables):
-        return [SureFault(f.name, f.unit, (size,) * (within + 1)) for f, size in zip(plant.f, _estimated(plant, t))]
+        found = polytopic_detection.thresholds(plant, t, within)
+        return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
     tails = ultimate_errors(cert)
     infinite = tuple([np.inf] * (within + 1))
     if tails is None or not plant.f:
@@ -115,18 +116,6 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
     # Delays that were too many to look at: what is found by an earlier one is found by then too.
     return [SureFault(f.name, f.unit, tuple(float(by[min(d, len(by) - 1)]) for d in range(len(infinite))))
             for f, by in zip(plant.f, result)]
-
-
-def _estimated(plant, t: PolytopicTables) -> list[float]:
-    """Smallest faults that an observer of states and faults cannot miss; of others nothing is proved.
-
-    Its residual is Df f within the threshold: twice the threshold is beyond it, at every sample once settled.
-    """
-    if not t.faults:
-        return [np.inf] * plant.n_f
-    last = 2 * t.h[-1].astype(float) * (1 + 1e-12)
-    return [min((float(b / abs(c)) for b, c in zip(last, column) if c), default=np.inf)
-            for column in plant.polytope.Df.T]
 
 
 def limited(cert: dict) -> tuple[float, float] | None:
