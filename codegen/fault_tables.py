@@ -21,6 +21,8 @@ Array = np.ndarray
 #: Limits of z beyond where it can be without a fault, in what runs of the error reach; samples of a table at most;
 #: the last level over the smallest one: the smaller, the longer the table.
 BEYOND, MOST, ABOVE = 8.0, 8000, 1.05
+#: Share by which disturbances are looked at as larger than they are.
+MORE = 1e-2
 
 
 def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float | None,
@@ -61,7 +63,7 @@ def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float |
     t = limited(plant, t, first, BEYOND * chooser.sizes[:n])
     model, T1E = fault_bounds.model(plant, problem, t, T1, period, bend)
     rows = floats(model[0].O)
-    found = kept_ellipsoid([floats(m.J) for m in model], [floats(fault_sets.condensed(m.W)) for m in model],
+    found = kept_ellipsoid([floats(m.J) for m in model], [widened(floats(fault_sets.condensed(m.W))) for m in model],
                            rows[np.any(rows != 0, axis=1)], floats(fault_sets.starts(plant, t, T1E)[1]))
     if found is None:
         raise DesignError(f"{plant.name}: no set of the error is kept for all weights (found none), so there is no "
@@ -73,6 +75,19 @@ def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float |
     cert["level"] = level
     fault_sets.check(plant, problem, t, cert, T1, period, bend)
     return t, cert
+
+
+def widened(W: Array) -> Array:
+    """The same with its last columns, one for each row, a little larger: rows that nothing moves stop a solver.
+
+    Parameters
+    ----------
+    W : ndarray (n, q)
+    """
+    total = np.abs(W).sum(axis=1)
+    out = W.copy()
+    out[:, -len(W):] += np.diag(MORE * total + MORE**2 * total.max())
+    return out
 
 
 def _laid_out(plant: Plant, t: PolytopicTables, found, cert: dict, starts) -> tuple[PolytopicTables, float]:

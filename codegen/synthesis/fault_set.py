@@ -22,9 +22,9 @@ Array = np.ndarray
 #: Shares that are tried, as parts of the way from the least possible one to 1.
 PARTS = (0.5,)
 #: V at most at a start, where it is 1 in the end: what it comes down from takes time.
-HIGHEST = 2e3
+HIGHEST = 5e3
 #: Smallest squared size of an error beside the largest, for the solver's coordinates.
-LEAST = 1e-6
+LEAST = 1e-4
 #: Room for the exact check in coordinates where everything is near 1.
 SPARE = 1e-7
 
