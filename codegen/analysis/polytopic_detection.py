@@ -1,9 +1,9 @@
 """Surely detected faults of a polytopic observer: a step of a sensor fault that is seen at its first sample.
 
 The residual is linear in y at its own sample: a fault f adds M (I - C T2) Df f to what it would be without, which is
-at most the last threshold h once settled. So an alarm is sure where that exceeds 2 h in one residual. Later samples are not
-looked at: the estimate takes up a lasting fault. A fault that moves the state is in the residual later, by way of
-weights that it moves too: nothing is promised of it.
+at most the last threshold h once settled. So an alarm is sure where that exceeds 2 h in one residual. Later samples
+are not looked at: the estimate takes up a lasting fault. A fault that moves the state is in the residual later, by
+way of weights that it moves too: nothing is promised of it.
 """
 
 from __future__ import annotations

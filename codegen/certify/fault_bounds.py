@@ -40,14 +40,17 @@ class Slips:
     size: Array
 
 
-def slips(t) -> Slips:
+def slips(t, premises=()) -> Slips:
     """Bound the rounding of weights and known terms over the ranges of inputs, outputs and parameters.
 
     Parameters
     ----------
     t : PolytopicTables
         Its weights read only estimates that are outputs: rows of T2 with a single 1, of F, G, K with zeros.
+    premises : sequence of Premise
+        The reciprocals of their widths are made of rounded ends.
     """
+    units = 8 + max(((abs(Q(p.lo)) + abs(Q(p.hi))) / (Q(p.hi) - Q(p.lo)) for p in premises), default=fmpq(0))
     inputs = []
     for k in range(t.T2.shape[0]):
         row = np.flatnonzero(t.T2[k])
@@ -56,7 +59,7 @@ def slips(t) -> Slips:
         inputs.append(_read(t.y_lo[i], t.y_hi[i], t.real) if exact else None)
     inputs += [_read(lo, hi, t.real) for side in ("u", "theta")
                for lo, hi in zip(getattr(t, f"{side}_lo"), getattr(t, f"{side}_hi"))]
-    found = program_errors(t.weights, inputs, t.real)
+    found = program_errors(t.weights, inputs, t.real, 2 * units)
     errors = np.array([e for _, _, e in found], dtype=object)
     size = np.array([max(abs(lo), abs(hi)) + e for lo, hi, e in found], dtype=object)
     return Slips(errors[:len(t.F)], errors[len(t.F):], size[len(t.F):])
@@ -95,7 +98,7 @@ def model(plant, problem, t, T1: Array, period: float | None, bend: Array) -> tu
     held = SimpleNamespace(T2=t.T2, F=t.F, K=t.K, C=t.C,
                            G=np.concatenate([t.G, np.tile(t.known, (len(t.F), 1, 1))], axis=2))
     tied = replace(problem, pairs=tuple((i, i) for i in range(len(problem.A))))
-    errors, off = standard_errors(tied, held, T1, period), slips(t)
+    errors, off = standard_errors(tied, held, T1, period), slips(t, plant.polytope.premises)
     slip = rounding(t, off.size)
     F, K, C, T2, G, known = (rational(getattr(t, key)) for key in ("F", "K", "C", "T2", "G", "known"))
     x, inputs, d = ranges(plant, problem)

@@ -20,7 +20,7 @@ from .rounding import TINY, UNIT
 Value = tuple[fmpq, fmpq, fmpq]
 
 
-def program_errors(program, inputs: Sequence[Value], real: str) -> list[Value]:
+def program_errors(program, inputs: Sequence[Value], real: str, units: fmpq = fmpq(2)) -> list[Value]:
     """Bounds and error of every result but the last, which is a truth.
 
     Parameters
@@ -29,6 +29,9 @@ def program_errors(program, inputs: Sequence[Value], real: str) -> list[Value]:
     inputs : sequence of (lo, hi, error)
         Rational; the error is that of what the C is given.
     real : {"float32", "float64"}
+    units : fmpq
+        Relative error of a constant at most, in unit roundoffs: one of the type is near a number of the plant file, or
+        near what rounded numbers of it make.
 
     Returns
     -------
@@ -40,9 +43,9 @@ def program_errors(program, inputs: Sequence[Value], real: str) -> list[Value]:
         An operation has no bound.
     """
     values: list[Value | None] = list(inputs)
-    for c in program.constants:  # one of the type is near a number of the plant file, or of a formula in float64
+    for c in program.constants:
         size = Q(c)
-        values.append((size, size, 2 * UNIT[real] * abs(size) + TINY[real]))
+        values.append((size, size, units * UNIT[real] * abs(size) + TINY[real]))
     for k, op in enumerate(program.operations):
         values.append(_operation(program, k, op, [values[i] for i in op.args], real))
     out = [values[k] for k in program.results[:-1]]
