@@ -48,9 +48,9 @@ def slips(t, premises=()) -> Slips:
     t : PolytopicTables
         Its weights read only estimates that are outputs: rows of T2 with a single 1, of F, G, K with zeros.
     premises : sequence of Premise
-        The reciprocals of their widths are made of rounded ends.
+        The reciprocals of their widths, constants of the weights alone, are made of rounded ends.
     """
-    units = 8 + max(((abs(Q(p.lo)) + abs(Q(p.hi))) / (Q(p.hi) - Q(p.lo)) for p in premises), default=fmpq(0))
+    units = 4 + max(((abs(Q(p.lo)) + abs(Q(p.hi))) / (Q(p.hi) - Q(p.lo)) for p in premises), default=fmpq(0))
     inputs = []
     for k in range(t.T2.shape[0]):
         row = np.flatnonzero(t.T2[k])
@@ -59,7 +59,8 @@ def slips(t, premises=()) -> Slips:
         inputs.append(_read(t.y_lo[i], t.y_hi[i], t.real) if exact else None)
     inputs += [_read(lo, hi, t.real) for side in ("u", "theta")
                for lo, hi in zip(getattr(t, f"{side}_lo"), getattr(t, f"{side}_hi"))]
-    found = program_errors(t.weights, inputs, t.real, 2 * units)
+    found = [*program_errors(t.weights, inputs, t.real, units)[:len(t.F)],
+             *program_errors(t.weights, inputs, t.real)[len(t.F):]]
     errors = np.array([e for _, _, e in found], dtype=object)
     size = np.array([max(abs(lo), abs(hi)) + e for lo, hi, e in found], dtype=object)
     return Slips(errors[:len(t.F)], errors[len(t.F):], size[len(t.F):])

@@ -20,7 +20,7 @@ from .rounding import TINY, UNIT
 Value = tuple[fmpq, fmpq, fmpq]
 
 
-def program_errors(program, inputs: Sequence[Value], real: str, units: fmpq = fmpq(2)) -> list[Value]:
+def program_errors(program, inputs: Sequence[Value], real: str, units: fmpq | int = 2) -> list[Value]:
     """Bounds and error of every result but the last, which is a truth.
 
     Parameters
@@ -29,7 +29,7 @@ def program_errors(program, inputs: Sequence[Value], real: str, units: fmpq = fm
     inputs : sequence of (lo, hi, error)
         Rational; the error is that of what the C is given.
     real : {"float32", "float64"}
-    units : fmpq
+    units : fmpq or int
         Relative error of a constant at most, in unit roundoffs: one of the type is near a number of the plant file, or
         near what rounded numbers of it make.
 
