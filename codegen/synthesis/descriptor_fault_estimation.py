@@ -22,8 +22,9 @@ its own; the decay is then asked of the quotient by it, V2' (N' P N - c^2 P) V2 
 The level is from d and from errors of the model, a hundredth of a step in every row, to the faults in units of their
 ranges; with it gains stay as small as the decay allows.
 
-Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, Theorem 3.7.1. As printed it is infeasible: the
-mode of cod against its sensor is 0, and the printed P1 is singular. The forms here are rederived.
+Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, Theorem 3.7.1. Differences from the print: as
+printed it is infeasible (in the example the mode of cod against its sensor is 0, and the printed P1 is singular); T1 is
+free on the algebraic rows, weights and known terms may be those of exact outputs, decay is asked of what can be moved.
 """
 
 from __future__ import annotations
