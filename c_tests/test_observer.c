@@ -143,7 +143,7 @@ static int fault_latch_and_reset(void)
     if (measure_a_fault(&b, &bit) != 0)
     {
         CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
-        CHECK(((b.out.raw & bit) != 0U) && (b.out.assured == 0U));
+        CHECK(((b.out.raw & bit) != 0U) && (b.out.assured == CASE_HOLDS_FAULTS));
         CHECK(((b.out.alarm & bit) != 0U) == (CASE_DEBOUNCE_M == 1U));
         CHECK(b.out.latched == b.out.alarm);
         if (b.out.alarm != 0U)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from . import polytopic_designs, tracking_designs
+from . import fault_estimators, polytopic_designs, tracking_designs
 from .analysis.detectability import surely_detected
 from .designs import Design, claims_of
 from .errors import CertificateError, DesignError
@@ -12,6 +12,8 @@ from .observers import FAMILIES, Supervision
 from .plant.model import Plant
 from .synthesis import METHODS
 
+#: What proposes and certifies, for methods that have their own.
+MAKERS = {"descriptor-fault-estimation": fault_estimators, "tracking": tracking_designs}
 #: Delay of a sure alarm that is looked at, where the plant file says nothing.
 WITHIN = 3
 
@@ -53,16 +55,13 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
     if reason is not None:
         raise DesignError(f'{plant.name}: method "{name}" does not apply: {reason}')
     progress(f"{name}: {len(plant.polytope.vertices)} vertices, {plant.n_x} states")
-    wanted = plant.target.real
-    if name == "tracking":
-        proposal, certified = tracking_designs.propose(plant, options), tracking_designs.certified
-    else:
-        proposal, certified = polytopic_designs.propose(plant, name, options), polytopic_designs.certified
+    maker = MAKERS.get(name, polytopic_designs)
+    proposal, wanted = maker.propose(plant, name, options), plant.target.real
     tables, certs, failure = {}, {}, None
     for real in (wanted, "float64" if wanted == "float32" else "float32"):
         progress(f"{name}: level and thresholds ({real})")
         try:
-            tables[real], certs[real] = certified(plant, proposal, options, real)
+            tables[real], certs[real] = maker.certified(plant, proposal, options, real)
         except (CertificateError, DesignError) as error:
             if real == wanted:  # the other number type may be too coarse; generate says so when asked for it
                 raise type(error)(f"{plant.name}: {str(error).removeprefix(f'{plant.name}: ')}") from None

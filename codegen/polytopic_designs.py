@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from . import fault_estimators
 from .certify import polytope_thresholds
 from .certify.polytope_gain import check as check_energy
 from .descriptors import DESIGNS, SPARE, euler_limit, problem_and_scaling
@@ -222,6 +223,8 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
     CertificateError
         Naming the pair or row that fails.
     """
+    if "share" in cert["thresholds"]:
+        return fault_estimators.check(plant, t, cert)
     problem, proof = problem_of(plant, plant.options.get("channel", "state")), cert["energy"]
     expected = plant.sample_period if plant.kind == "continuous" else None
     if proof.get("period") != expected or proof["gamma"] != cert["level"]:

@@ -66,6 +66,7 @@ def tables_of(plant: Plant, gains: StandardGains, M: Array, real: str) -> Polyto
         given |= {z: (at - gains.T2 @ (gains.C @ at)).astype(real) + 0, y: (gains.C @ at).astype(real) + 0}
         given[y] = np.clip(given[y], given["y_lo"], given["y_hi"])
     n, p = gains.T2.shape
+    given["known"] = np.zeros((n, 0), real)
     return PolytopicTables(real=real, h=np.zeros((1, p), real), start=0, shift=0, z_lo=np.zeros(n, real),
                            z_hi=np.zeros(n, real), columns=tuple(measured), weights=weights, **given)
 

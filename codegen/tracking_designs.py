@@ -121,12 +121,14 @@ def task_of(plant: Plant, options: dict) -> Task:
                 float(options.get("effort", 0.3)))
 
 
-def propose(plant: Plant, options: dict) -> Proposal:
+def propose(plant: Plant, method: str, options: dict) -> Proposal:
     """Design in continuous time, in units in which all is about one, and take the gains to the period.
 
     Parameters
     ----------
     plant : Plant
+    method : str
+        "tracking".
     options : dict
 
     Returns

@@ -142,7 +142,7 @@ def table(plant: Plant, truth: PlantTrace, trace) -> str:
     if isinstance(trace, FilterTrace):
         names = {"f_hat": plant.f, "f_bound": plant.f}
     elif isinstance(trace, PolytopicTrace):
-        names = {"x_hat": plant.x, "r": plant.y, "r_bound": plant.y}
+        names = {"x_hat": plant.estimated(trace.x_hat.shape[-1]), "r": plant.y, "r_bound": plant.y}
     header = ["k", "t", *(f"{field}.{s.name}" for field, signals in names.items() for s in signals),
               "alarm", "latched", "assured", "status",
               *trace.word_names()]

@@ -129,13 +129,22 @@ def judge(plant: Plant, scenario: Scenario, truth: PlantTrace, trace: Trace, dif
     done = trace.status == 0
     found = episodes(truth.f, raw, tuple(s.name for s in plant.f), 3)
     if estimates:
-        return Outcome(scenario, truth, trace, differences, 0, int(np.sum(raw & settled & done)), settled, found)
+        return Outcome(scenario, truth, trace, differences, _beyond(plant, truth, trace), int(np.sum(
+            raw & settled & done)), settled, found)
     lo, hi = plant.limits("x")
     # The simulated truth itself is only good to double precision.
     slack = 1e-12 * np.maximum(np.abs(lo), np.abs(hi))
     outside = np.any((truth.x > trace.x_hi + slack) | (truth.x < trace.x_lo - slack), axis=1) | dropped(truth, trace)
     return Outcome(scenario, truth, trace, differences, int(np.sum(outside & sound & done)),
                    int(np.sum(raw & settled & done)), settled, found)
+
+
+def _beyond(plant: Plant, truth: PlantTrace, trace) -> int:
+    """Assured samples at which an estimate of faults is further from what they do to y than its bound; 0 of others."""
+    if not hasattr(trace, "x_hat") or trace.x_hat.shape[-1] == plant.n_x:
+        return 0
+    off = np.abs(trace.r - truth.f @ plant.polytope.Df.T) > trace.r_bound
+    return int(np.sum(off.any(axis=1) & trace.assured & (trace.status == 0)))
 
 
 def validate(design, driver, names: list[str] | None = None, seed: int = 0,

@@ -169,12 +169,14 @@ def sizes(lo: Array, hi: Array) -> Array:
     return np.array([max(abs(Q(a)), abs(Q(b))) for a, b in zip(lo, hi)], dtype=object).reshape(len(lo))
 
 
-def rounding(t) -> Rounding:
+def rounding(t, known=()) -> Rounding:
     """Bound what the C of tables rounds, in its order of evaluation.
 
     Parameters
     ----------
     t : PolytopicTables
+    known : sequence of fmpq
+        Largest magnitudes of the known terms.
     """
     real, z, y, u = t.real, sizes(t.z_lo, t.z_hi), sizes(t.y_lo, t.y_hi), sizes(t.u_lo, t.u_hi)
 
@@ -185,7 +187,7 @@ def rounding(t) -> Rounding:
     most = [m for _, m in x_hat]
     r = [row(t.C[i], most, [(fmpq(1), y[i])]) for i in range(len(y))]
     weighted = [row(M, [m for _, m in r]) for M in t.M] if t.weighted else [(fmpq(0), m) for _, m in r]
-    operands = [*most, *u, *(m for _, m in r)]
+    operands = [*most, *u, *(m for _, m in r), *known]
     # |sum h - 1|: what the C accepts, and the rounding of the sum that it looked at.
     off = (8 * len(t.F) + 4) * 2 * UNIT[real]
     after = []

@@ -22,7 +22,8 @@ Array = np.ndarray
 class PolytopicView:
     """Sizes, statements, tables. Of ``libm``, ``varies``, ``weighted`` (the name of the raw residual) one entry or
     none; ``reads`` and ``called`` are the parameter ``in`` of the weights, ``idle`` and ``unread`` say
-    that nothing reads it; ``laws`` is the tracking law, where there is one.
+    that nothing reads it. ``anew`` and ``again`` say when the thresholds start again, ``sure`` is a
+    line or none; ``laws`` is the tracking law, where there is one.
     """
 
     sizes: tuple[Size, ...]
@@ -40,6 +41,9 @@ class PolytopicView:
     limits: tuple[Table, ...]
     row: str
     unread: tuple[str, ...]
+    anew: str
+    sure: tuple[str, ...]
+    again: str
     laws: tuple[LawView, ...] = ()
 
 
@@ -67,9 +71,13 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
                  for c, stem in zip(y, macro_names(c.name for c in y)))
     seen = "M (y - C x_hat)" if t.weighted else "y - C x_hat"
     word = "uint32_t"
-    out = ((real, "x_hat", f"[{m}_NX]", ("estimate of x at this sample",)),
+    estimate, bound = "estimate of x at this sample", "largest magnitude of r without a fault; 0 after predict"
+    if t.faults:
+        estimate, bound = "estimate of x, then of the faults, at this sample", "r is as near to that; 0 after predict"
+        seen += ": what the faults do to y"
+    out = ((real, "x_hat", f"[{m}_NX]", (estimate,)),
            (real, "r", f"[{m}_NY]", (f"residual {seen}; 0 after predict",)),
-           (real, "r_bound", f"[{m}_NY]", ("largest magnitude of r without a fault; 0 after predict",)),
+           (real, "r_bound", f"[{m}_NY]", (bound,)),
            (word, "raw", "", (f"{m}_BIT_ of what is beyond its bound at this sample; 0 after predict",)),
            (word, "alarm", "", ("the same after the debounce; 0 after predict",)),
            (word, "latched", "", ("alarm bits as kept; act on these",)),
@@ -87,7 +95,9 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
     shown = tuple(_statement(f"out->r[{i}]", _terms(row, [f"r[{k}]" for k in range(p)], t.real), t.real)
                   for i, row in enumerate(t.M))
     view = PolytopicView(
-        sizes=(Size("NH", f"{len(t.F)}U", "vertices"),
+        sizes=(Size("NH", f"{len(t.F) + t.known.shape[1]}U",
+                    "vertices" + f", and {t.known.shape[1]} known terms behind them" * bool(t.known.size)),
+               *((Size("NF", f"{t.faults}U", "faults: the last entries of x_hat"),) if t.faults else ()),
                Size("ROWS", f"{t.last + 1}U", "rows of the table of thresholds; the last holds for ever"),
                Size("LAST", f"{t.last << t.shift}U", "s->since once the last row holds")),
         libm=("",) * bool(t.weights.count(*LIBM, "sqrt")), reads=f"const {names.prefix}_in *in, " if read else "",
@@ -98,7 +108,10 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
         move=move, thresholds=Table("threshold", f"[{m}_ROWS][{m}_NY]", (), table),
         limits=(vector_table("least", f"{m}_NX", t.z_lo, t.real), vector_table("most", f"{m}_NX", t.z_hi, t.real)),
         row=f"(s->since >> {t.shift}U)" if t.shift else "s->since", unread=() if u or theta else ("in",),
-        laws=() if t.law is None else (law_view(t, names, y),))
+        laws=() if t.law is None else (law_view(t, names, y),),
+        anew="false" if t.faults else "again && (out->raw == 0U)",
+        sure=("out->assured = 1U; /* the faults are part of the estimate and spoil nothing */",) if t.faults else (),
+        again="anew || (!kept) || (!inside)" if t.faults else "anew || (!kept)")
     return Parts(
         noun=FILTERS, header="polytopic.h.jinja", self_test="harness/test_polytopic.c.jinja", bits=bits, maps=(),
         state=state_layout(names, s, p, numbers, n + p, [], words), out_fields=tuple(Field(*f) for f in out),
@@ -123,7 +136,8 @@ def steps(t: PolytopicTables) -> tuple[tuple[str, ...], dict[str, list]]:
     t : PolytopicTables
     """
     real, (p, n), m = t.real, t.C.shape, t.G.shape[2]
-    operands = [*(f"x_hat[{k}]" for k in range(n)), *(f"in->u[{k}]" for k in range(m)), *(f"r[{k}]" for k in range(p))]
+    operands = [*(f"x_hat[{k}]" for k in range(n)), *(f"in->u[{k}]" for k in range(m)), *(f"r[{k}]" for k in range(p)),
+                *(f"h[{k}]" for k in range(len(t.F), len(t.F) + t.known.shape[1]))]
 
     def terms(row: Array, names: list[str]) -> list[Term]:
         return _terms(row, names, real)

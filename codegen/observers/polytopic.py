@@ -17,6 +17,10 @@ continued with the last y and r = 0.
 plant in its declared range, z within its limits. It follows a reset, a sample without measurement, the end of a fault
 that has been seen, and a z that has run into its limits. So nothing that the firmware may meet makes a false alarm,
 only higher thresholds for a while. While a fault is seen nothing starts again: the estimate goes on.
+
+Where faults are part of the estimate (``PolytopicTables.faults``) they spoil nothing: what is assured stays so while
+they act, and nothing starts again at their end. There the weights are the plant's: where they are not in force nothing
+is assured, and the thresholds start again.
 """
 
 from __future__ import annotations
@@ -146,11 +150,13 @@ class PolytopicObserver(Runner):
         out.alarm_bits[seen] = pack(alarm)[seen]
         out.latched_bits[on] = pack(self.guard.latched)[on]
         out.alarm[seen] = alarm[seen].any(axis=1)
-        out.assured[on] = (np.where(measured, assured, free) & inside)[on]
         out.inside[on], out.settled[on] = inside[on], (self.since >> t.shift >= t.last)[on]
         kept = ((after >= t.z_lo) & (after <= t.z_hi)).all(axis=1)
+        sure = measured | free if t.faults else np.where(measured, assured, free)
+        out.assured[on] = (sure & inside)[on]
         after = np.where(after >= t.z_lo, np.where(after <= t.z_hi, after, t.z_hi), t.z_lo)
-        since = np.where(kept & seen & ~(again & ~fault), np.minimum(self.since + 1, t.last << t.shift), 0)
+        spoilt = ~inside if t.faults else again & ~fault
+        since = np.where(kept & seen & ~spoilt, np.minimum(self.since + 1, t.last << t.shift), 0)
         self.z, self.y = np.where(on[:, None], after, self.z), np.where(seen[:, None], y, self.y)
         self.since = np.where(on, since, self.since)
 

@@ -33,7 +33,7 @@ def step(t: PolytopicTables, z: Array, u: Array, y: Array, theta: Array, measure
         r = np.where(measured[:, None], summed(-t.C, x_hat, y), np.zeros_like(y))
         *h, inside = evaluate(t.weights, [*x_hat.T, *u.T, *theta.T], x_hat.dtype)
         h = np.stack([np.broadcast_to(w, inside.shape) for w in h], axis=1).astype(x_hat.dtype)
-        values = np.concatenate([x_hat, u, r], axis=1)
+        values = np.concatenate([x_hat, u, r, h[:, len(t.F):]], axis=1)
         after = summed(np.where(t.shared, t.gains[0], 0), values)
         for j, M in enumerate(t.gains):
             own = np.where(t.shared, 0, M)

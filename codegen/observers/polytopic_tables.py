@@ -40,6 +40,8 @@ class PolytopicTables:
     real : {"float32", "float64"}
     T2 : ndarray (n, p), C : ndarray (p, n)
     F : ndarray (h, n, n), G : ndarray (h, n, m), K : ndarray (h, n, p)
+    known : ndarray (n, g)
+        Factors of the terms of z+ that the weights' program computes beside the weights.
     M : ndarray (p, p)
         Weight of the residual.
     z0, z_mid : ndarray (n,)
@@ -61,7 +63,10 @@ class PolytopicTables:
     columns : tuple of int
         Of theta, those that are measured.
     weights : Program
-        h weights and whether they are in force, of x_hat, u, theta.
+        h weights, g known terms and whether they are in force, of x_hat, u, theta.
+    faults : int
+        Entries of x_hat that are faults, the last ones. C does not read them, so that the residual is what the faults
+        do to y, and its thresholds hold around that, fault or not.
     law : FeedbackLaw, optional
         A tracking law beside the observer.
     """
@@ -72,6 +77,7 @@ class PolytopicTables:
     F: Array
     G: Array
     K: Array
+    known: Array
     M: Array
     z0: Array
     z_mid: Array
@@ -94,6 +100,7 @@ class PolytopicTables:
     theta_hi: Array
     columns: tuple[int, ...]
     weights: Program
+    faults: int = 0
     law: FeedbackLaw | None = None
 
     #: No other coordinates (``FramerTables``); nothing is cut to the declared range.
@@ -108,12 +115,12 @@ class PolytopicTables:
 
     @property
     def gains(self) -> Array:
-        """F, G and -K side by side (h, n, n + m + p): factors of (x_hat, u, r)."""
-        return np.concatenate([self.F, self.G, -self.K], axis=2)
+        """F, G, -K and known side by side (h, n, n + m + p + g): factors of (x_hat, u, r, known terms)."""
+        return np.concatenate([self.F, self.G, -self.K, np.tile(self.known, (len(self.F), 1, 1))], axis=2)
 
     @property
     def shared(self) -> Array:
-        """Entries of `gains` that are the same at all vertices (n, n + m + p)."""
+        """Entries of `gains` that are the same at all vertices (n, n + m + p + g)."""
         return np.all(self.gains == self.gains[0], axis=0)
 
     @property
@@ -146,18 +153,20 @@ class PolytopicTables:
         w = self.weights
         program = {"inputs": w.inputs, "constants": list(w.constants), "results": list(w.results),
                    "operations": [[op.name, *op.args] for op in w.operations]}
-        return {f.name: plain(getattr(self, f.name)) for f in fields(self)
-                if f.name not in ("weights", "columns", "law")} | {
+        unsaid = {"weights", "columns", "law"} | ({"known", "faults"} if not self.faults else set())
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self) if f.name not in unsaid} | {
             "columns": list(self.columns), "weights": program,
             **({} if self.law is None else {"law": self.law.to_dict()})}
 
     @classmethod
     def from_dict(cls, data: dict, sizes: tuple[int, int, int, int]) -> PolytopicTables:
         """Rebuild from ``to_dict``; ``sizes`` is (n_modes, n_x, n_u, n_y)."""
-        _, n, m, p = sizes
-        v, j = len(data["F"]), len(data["columns"])
-        shapes = {"T2": (n, p), "C": (p, n), "F": (v, n, n), "G": (v, n, m), "K": (v, n, p), "M": (p, p), "z0": (n,),
-                  "z_mid": (n,), "y0": (p,), "y_mid": (p,), "h": (-1, p), "z_lo": (n,), "z_hi": (n,), "x_lo": (n,),
+        _, _, m, p = sizes
+        data, n = {"known": np.zeros((len(data["T2"]), 0))} | data, len(data["T2"])  # n_x, or n_x + n_f
+        v, j, g = len(data["F"]), len(data["columns"]), np.shape(data["known"])[1]
+        shapes = {"T2": (n, p), "C": (p, n), "F": (v, n, n), "G": (v, n, m), "K": (v, n, p), "known": (n, g),
+                  "M": (p, p), "z0": (n,), "z_mid": (n,), "y0": (p,), "y_mid": (p,),
+                  "h": (-1, p), "z_lo": (n,), "z_hi": (n,), "x_lo": (n,),
                   "x_hi": (n,), "x0_lo": (n,), "x0_hi": (n,), "u_lo": (m,), "u_hi": (m,), "y_lo": (p,), "y_hi": (p,),
                   "theta_lo": (j,), "theta_hi": (j,)}
         dtype, w = np.dtype(data["real"]), data["weights"]
@@ -166,5 +175,5 @@ class PolytopicTables:
                                                                     for name, *args in w["operations"]),
                           tuple(w["results"]))
         return cls(real=data["real"], start=int(data["start"]), shift=int(data["shift"]),
-                   columns=tuple(data["columns"]), weights=weights,
+                   columns=tuple(data["columns"]), weights=weights, faults=int(data.get("faults", 0)),
                    law=FeedbackLaw.from_dict(data["law"], dtype) if "law" in data else None, **arrays)

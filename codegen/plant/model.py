@@ -6,7 +6,7 @@ that the certificates are about.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -320,6 +320,23 @@ class Plant:
         """
         signals = getattr(self, vector)
         return np.array([s.lo for s in signals]), np.array([s.hi for s in signals])
+
+    def estimated(self, count: int) -> tuple[Signal, ...]:
+        """Return what an estimate of so many entries is of: the states, then the faults.
+
+        Parameters
+        ----------
+        count : int
+            n_x, or n_x + n_f.
+
+        Returns
+        -------
+        signals : tuple of Signal
+            A fault with the name of a state has "fault" behind it.
+        """
+        taken = {s.name for s in self.x}
+        faults = (replace(s, name=f"{s.name} fault") if s.name in taken else s for s in self.f)
+        return (*self.x, *faults)[:count]
 
     def theta_box(self, mode: Mode) -> tuple[Array, Array]:
         """Return the bounds of all parameters in a mode: its own where it gives some.

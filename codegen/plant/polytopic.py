@@ -1,9 +1,10 @@
 r"""A polytopic descriptor plant: constant vertices, blended by weights that depend on where the plant is.
 
-    E x' = sum_i h_i (A_i x + B_i u + Bw_i w + Bf_i f + offset_i),    y = C x + D u + Dv v + Df f
+    E x' = sum_i h_i (A_i x + B_i u + Bw_i w + Bf_i f + offset_i) + g,    y = C x + D u + Dv v + Df f
 
 (x+ in place of x' in discrete time), h_i >= 0 with sum 1, functions of x, u and theta; E may be singular, E and the
-outputs are the same at all vertices. The weights are sympy expressions and come in two forms:
+outputs are the same at all vertices. g, zero in most plants, is any function of what is known exactly at run time.
+The weights are sympy expressions and come in two forms:
 
 * sector: each `Premise` z_k in [lo_k, hi_k] has two weights, (hi_k - z_k)/(hi_k - lo_k) and 1 minus that; h_i is the
   product of one of them per premise, bit k of i (first premise first) telling which. The model is exact.
@@ -65,6 +66,25 @@ class Premise:
 
 
 @dataclass(frozen=True)
+class Known:
+    """A term that is known exactly at run time: of inputs, exact parameters, and states that an output is.
+
+    Parameters
+    ----------
+    row : int
+        Of E x' = .., where it is added.
+    term : sympy.Expr
+    lo, hi : float
+        They enclose it over the ranges of [signals].
+    """
+
+    row: int
+    term: Any
+    lo: float
+    hi: float
+
+
+@dataclass(frozen=True)
 class Polytope:
     """What a polytopic plant has in place of modes.
 
@@ -81,6 +101,8 @@ class Polytope:
         The weights before they are normalised; empty for a sector model.
     equations : tuple of sympy.Expr
         Of ``[nonlinear]``: the right sides of E x' = f without disturbance and fault; else empty.
+    known : tuple of Known
+        The rows of g that are not zero.
     """
 
     E: Array
@@ -93,6 +115,14 @@ class Polytope:
     premises: tuple[Premise, ...] = ()
     raw: tuple[Any, ...] = ()
     equations: tuple[Any, ...] = ()
+    known: tuple[Known, ...] = ()
+
+    @cached_property
+    def exact(self) -> dict[int, int]:
+        """State -> the output that is this state, without noise, fault or input."""
+        beside = np.hstack([self.D, self.Dv, self.Df]).any(axis=1)
+        return {int(np.argmax(row)): i for i, row in enumerate(self.C)
+                if not beside[i] and row.max(initial=0.0) == 1 and np.count_nonzero(row) == 1}
 
     @cached_property
     def softmax(self) -> bool:
@@ -143,7 +173,7 @@ class Polytope:
         return values / total, True
 
     def right_side(self, x: Array, u: Array, theta: Array = ()) -> Array:
-        """Return sum_i h_i (A_i x + B_i u + offset_i).
+        """Return sum_i h_i (A_i x + B_i u + offset_i) + g.
 
         Parameters
         ----------
@@ -154,8 +184,16 @@ class Polytope:
         value : ndarray (n_x,)
         """
         h, _ = self.weights(x, u, theta)
-        return sum((weight * (v.A @ x + v.B @ u + v.offset) for weight, v in zip(h, self.vertices)),
-                   np.zeros(len(self.E)))
+        out = np.zeros(len(self.E))
+        for known, value in zip(self.known, self._known(*map(float, x), *map(float, u), *map(float, theta))):
+            out[known.row] = value
+        return sum((weight * (v.A @ x + v.B @ u + v.offset) for weight, v in zip(h, self.vertices)), out)
+
+    @cached_property
+    def _known(self) -> Callable:
+        """The rows of g as one function of all symbols."""
+        import sympy
+        return sympy.lambdify(self.symbols, [k.term for k in self.known], "math")
 
     @cached_property
     def _numeric(self) -> Callable:

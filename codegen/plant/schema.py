@@ -143,12 +143,13 @@ class PointTable(Table):
 
 
 class NonlinearTable(Table):
-    """``[nonlinear]``: E x' = f, by sectors (A and B as factors, premises) or linearised at points."""
+    """``[nonlinear]``: E x' = f, by sectors (A and B as factors, known terms, premises) or linearised at points."""
 
     E: Matrix | None = None
     f: Annotated[list[str], Field(min_length=1)]
     A: Matrix | None = None
     B: Matrix | None = None
+    known: list[str] | None = None
     premise: list[PremiseTable] = []
     point: list[PointTable] = []
 

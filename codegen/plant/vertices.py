@@ -9,13 +9,13 @@ import numpy as np
 import sympy
 
 from codegen.errors import PlantError
-from codegen.plant.enclosure import UnboundedError, lower_bound
+from codegen.plant.enclosure import UnboundedError, enclosure, lower_bound
 from codegen.plant.factors import SectorError, Wish, brief, checked, factorised
 from codegen.plant.linearise import linearised
 from codegen.plant.matrices import SHAPES, Source, check_shape, entries
 from codegen.plant.model import Array, Signal
 from codegen.plant.names import check_channels
-from codegen.plant.polytopic import Polytope, Vertex
+from codegen.plant.polytopic import Known, Polytope, Vertex
 from codegen.plant.schema import NonlinearTable, PlantFile, SwitchingTable
 from codegen.plant.sector import corners, premises_of
 from codegen.plant.signals import count, frozen
@@ -134,7 +134,9 @@ def _of_equations(file: PlantFile, signals: Signals, names: Names, common: dict[
         parts, raw = _points(table, f, x, u, signals, names)
         premises = ()
     else:
-        parts, premises = _sectors(table, f, x, u, names, why)
+        known = shared["known"] = _known(table, common, (x, u), signals, names, why)
+        rest = {k.row: f[k.row] - k.term for k in known}
+        parts, premises = _sectors(table, [rest.get(i, row) for i, row in enumerate(f)], x, u, names, why)
         raw = () if premises else (sympy.Integer(1),)
     labels = [p.name or f"vertex {i + 1}" for i, p in enumerate(table.point)] or [
         f"vertex {i + 1}" for i in range(len(parts))]
@@ -145,8 +147,9 @@ def _of_equations(file: PlantFile, signals: Signals, names: Names, common: dict[
 
 
 def _points(table: NonlinearTable, f: list, x: list, u: list, signals: Signals, names: Names) -> tuple[list, tuple]:
-    if table.A is not None or table.B is not None or table.premise:
-        raise PlantError("nonlinear.point: A, B or premise are given too (found sectors and points). Remove one.")
+    if table.A is not None or table.B is not None or table.premise or table.known is not None:
+        raise PlantError("nonlinear.point: A, B, known or premise are given too (found sectors and points). Remove "
+                         "one.")
     check_channels("nonlinear.point", (p.name for p in table.point if p.name))
     parts = []
     for i, point in enumerate(table.point):
@@ -179,6 +182,32 @@ def _sectors(table: NonlinearTable, f: list, x: list, u: list, names: Names, why
     box = names.box("nonlinear", *(sympy.Tuple(*(M.subs(factors.quotients))) for M in parts))
     factors, premises, symbols = _tried("nonlinear", premises_of, factors, wishes, box)
     return corners(factors, premises, symbols), premises
+
+
+def _known(table: NonlinearTable, common: dict[str, Array], states_inputs: tuple[list, list], signals: Signals,
+           names: Names, why: str) -> tuple[Known, ...]:
+    """The part of f that is a function of inputs, exact parameters, and states that an output is."""
+    if table.known is None:
+        return ()
+    _check_length("nonlinear.known", table.known, signals["x"], "x")
+    found = []
+    (x, u), bare = states_inputs, {key: common[key] for key in ("E", "C", "D", "Dv", "Df")}
+    exact = {x[k] for k in Polytope(**bare, vertices=(), symbols=()).exact}
+    exact |= {s for s, (vector, t) in names.ranges.items() if vector == "theta" and t.measured and t.error == 0}
+    for i, text in enumerate(table.known):
+        place = f"nonlinear.known.#{i + 1}"
+        term = names.read(place, text, _NOT_SMOOTH, why)
+        if other := sorted(map(str, term.free_symbols - exact - set(u))):
+            raise PlantError(f"{place}: reads {other[0]}, which the observer does not know exactly (expected inputs, "
+                             "parameters measured without error, and states that an output is, without noise, fault "
+                             "or input). Leave it to A and B.")
+        try:
+            bounds = enclosure(term, names.box(place, term))
+        except UnboundedError:
+            raise PlantError(f"{place}: has no bounds over the ranges (it divides by zero or leaves the domain of a "
+                             "root or logarithm). Narrow the ranges.") from None
+        found += [Known(i, term, *bounds)] if term != 0 else []
+    return tuple(found)
 
 
 def _symbolic_matrix(name: str, rows: list | None, height: int, width: int, names: Names, why: str) -> Any:

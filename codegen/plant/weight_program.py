@@ -17,7 +17,7 @@ from codegen.plant.polytopic import Polytope
 
 
 def weight_program(polytope: Polytope, real: str) -> Program:
-    """Return the program of the weights and of `inside`, over the polytope's symbols.
+    """Return the program of the weights, the known terms and `inside`, over the polytope's symbols.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def weight_program(polytope: Polytope, real: str) -> Program:
     Returns
     -------
     program : Program
-        h results and one more.
+        h results, one for each known term, and one more.
 
     Raises
     ------
@@ -36,10 +36,11 @@ def weight_program(polytope: Polytope, real: str) -> Program:
         An expression has a function without operation.
     """
     b, h, step = Builder(polytope.symbols), len(polytope.vertices), float(np.finfo(real).eps)
+    known = [b.value(k.term) for k in polytope.known]
     if polytope.premises:
         truths: list[tuple] = []
         weights = _tree(b, polytope, truths, real)
-        return _rounded(b.done([*weights, b.fold("and", truths)]), real)
+        return _rounded(b.done([*weights, *known, b.fold("and", truths)]), real)
     if polytope.softmax:
         exponents = [b.value(w.args[0]) for w in polytope.raw]
         most = b.fold("max", exponents)
@@ -53,7 +54,7 @@ def weight_program(polytope: Polytope, real: str) -> Program:
               b.apply("le", total, b.constant(1.0 + 4 * h * step))]
     fine = b.fold("and", sound)
     results = [b.apply("select", fine, w, b.constant(float(np.dtype(real).type(1 / h)))) for w in weights]
-    return _rounded(b.done([*results, fine]), real)
+    return _rounded(b.done([*results, *known, fine]), real)
 
 
 def _tree(b: Builder, polytope: Polytope, truths: list, real: str) -> list[tuple]:

@@ -23,6 +23,8 @@ def facts(design, real: str) -> tuple[Fact, ...]:
     real : {"float32", "float64"}
     """
     cert, plant, law = design.certificate[real], design.plant, design.observer.tables[real].law
+    if "slow" in cert:
+        return fault_facts(design, real)
     T, of = words.seconds(plant.sample_period), "inputs and disturbances"
     if law is not None:
         of = "disturbances and noises to the tracking error"
@@ -64,6 +66,30 @@ def law_facts(design, real: str) -> tuple[Fact, ...]:
                  "state leaves its range, whatever the references do within these sizes"),)
 
 
+def fault_facts(design, real: str) -> tuple[Fact, ...]:
+    """What is said of an observer of states and faults.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+    """
+    cert, plant = design.certificate[real], design.plant
+    rate = "/s" if plant.kind == "continuous" else " per sample"
+    slow = "; ".join(f"{name} by {words.number(mode, 4)}{rate}" for name, mode in cert["slow"])
+    known = f" and {words.count(len(plant.polytope.known), 'known term')}" if plant.polytope.known else ""
+    return (Fact("Estimated", f"{words.count(plant.n_f, 'fault')} behind the states in x_hat, however they move: no "
+                 "model of a fault is part of the observer"),
+            Fact("Weights", f"{len(plant.polytope.vertices)} vertices{known}, of inputs, parameters and outputs that "
+                 "are exact: those of the plant"),
+            Fact("Steps", f"explicit Euler, {words.seconds(plant.sample_period)}; what the plant does beside them is "
+                 "part of the bounds" if plant.kind == "continuous" else "none: plant and observer step alike"),
+            *((Fact("Slower than the decay asked for, and moved by no observer", slow),) if slow else ()),
+            Fact("Bounds", "guaranteed, with and without faults: y − C x_hat is what the faults do to y, and no "
+                 "further from it than r_bound; the error is followed over every input, disturbance and weight within "
+                 "the declared ranges, with the rounding of the C"))
+
+
 def tables(design, real: str) -> tuple[Table, ...]:
     """Thresholds once settled, beside what some sequence of weights and disturbances makes of the residual.
 
@@ -94,7 +120,8 @@ def gains(design, real: str, matrix) -> tuple[Folded, ...]:
     matrix : callable
     """
     t, plant = design.observer.tables[real], design.plant
-    x, u, y = ([s.name for s in getattr(plant, vector)] for vector in "xuy")
+    u, y = ([s.name for s in getattr(plant, vector)] for vector in "uy")
+    x = [s.name for s in plant.estimated(len(t.T2))]
     z = [f"z[{i}]" for i in range(len(x))]
     folds = []
     for j, vertex in enumerate(plant.polytope.vertices):

@@ -168,12 +168,14 @@ def scaled(problem: DescriptorProblem, s: Scaling) -> DescriptorProblem:
                    u_unit=np.ones(len(u)), d_unit=np.ones(len(d)))
 
 
-def refusal(plant) -> str | None:
+def refusal(plant, known: bool = False) -> str | None:
     """Why these designs do not apply to a plant; None where they do.
 
     Parameters
     ----------
     plant : Plant
+    known : bool
+        Whether the design takes terms that are known at run time.
     """
     p = plant.polytope
     if p is None:
@@ -183,6 +185,9 @@ def refusal(plant) -> str | None:
                 "end. Model it by sectors")
     if np.any(p.D):
         return "its outputs contain the inputs (D is not zero). Declare y - D u as the output"
+    if p.known and not known:
+        return ("its equations have known terms, which descriptor-fault-estimation alone takes. Leave "
+                "[nonlinear] known out, with factors and premises for all of f")
     if any(not s.measured for s in plant.theta):
         return "a parameter is not measured. Make it a disturbance, or a state"
     return None
@@ -259,7 +264,7 @@ def sizes(lo: Array, hi: Array) -> Array:
     return np.where(np.isfinite(size) & (size > 0), size, 1.0)
 
 
-def pairs_of(plant) -> tuple[tuple[int, int], ...]:
+def pairs_of(plant, exact=()) -> tuple[tuple[int, int], ...]:
     """Vertices that plant and observer can be at together.
 
     Where they share a bit, the proof takes it that both compute the same weight of it, without rounding.
@@ -268,9 +273,11 @@ def pairs_of(plant) -> tuple[tuple[int, int], ...]:
     ----------
     plant : Plant
         With a polytope.
+    exact : collection of int
+        States that the observer's weights take from an output which is just that.
     """
     p = plant.polytope
-    known = set(p.symbols[plant.n_x:plant.n_x + plant.n_u])
+    known = {p.symbols[k] for k in exact} | set(p.symbols[plant.n_x:plant.n_x + plant.n_u])
     known |= {s for s, t in zip(p.symbols[plant.n_x + plant.n_u:], plant.theta) if t.measured and t.error == 0}
     h = range(len(p.vertices))
     if p.premises:

@@ -1,6 +1,7 @@
 """What is said of a descriptor system: three tests that agree, published systems, and what vertices do not say."""
 
 import io
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -250,8 +251,10 @@ def test_check_prints_the_properties_of_the_gallery(name, monkeypatch):
         cells = [c.strip() for c in next(r for r in text.splitlines() if r.startswith(f"{v.name} ")).split("│")]
         assert cells[2:] == [{True: "yes", False: "no", None: "too close to tell"}[x] for x in (
             p.regular, p.impulse_free, p.stable, p.r_observable, p.c_observable, p.i_observable, p.detectable)]
-    assert hull_admissible(plant) is True and "admissible for every weight" in text
-    assert ("exact while" in text, "linearised at points" in text) == (name in ("disc", "bioreactor"),
+    # Known terms may be what solves the algebraic equations; without them the vertices of the digester are not regular.
+    admissible = not plant.polytope.known
+    assert hull_admissible(plant) is admissible and ("admissible for every weight" in text) is admissible
+    assert ("exact while" in text, "linearised at points" in text) == (bool(plant.polytope.premises),
                                                                        name == "disc_points")
     for z in plant.polytope.premises:
         assert any(r.startswith(z.name) for r in text.splitlines())
@@ -264,8 +267,9 @@ def test_every_method_takes_a_polytopic_plant_or_says_why_not(name, method):
     plant = load(name)
     reason = METHODS[method].module.inapplicable(plant)
     if reason is not None:
-        assert "polytopic" in reason and "expected" in reason and reason.endswith(".")
-        with pytest.raises(DesignError, match=f'{name}: method "{method}" does not apply: the plant is polytopic'):
+        assert reason.endswith(".") and (METHODS[method].family == "polytopic" or (
+            reason.startswith("the plant is polytopic") and "expected" in reason))
+        with pytest.raises(DesignError, match=re.escape(f'{name}: method "{method}" does not apply: {reason}')):
             design(plant, method)
 
 

@@ -1,0 +1,166 @@
+r"""Thresholds of an observer of states and faults, checked exactly: an ellipsoid that its error keeps.
+
+For the recursion of ``fault_bounds``, e+ = N_j e + W_j d with |d_i| <= 1, and every vertex j,
+
+    [a P - N_j' P N_j,  -N_j' P W_j;  *,  D_j - W_j' P W_j]  positive definite,      P > 0, D_j diagonal and >= 0,
+
+makes V = e' P e obey V+ <= a V + tau, tau the largest trace of the D_j, at every sample and for every weights: those
+of a sample are a mean of vertices, and V is convex. A row c of the residual is then at most sqrt(V c' P^-1 c).
+
+At a start the error is G xi with |xi_i| <= 1 (x in its box, z known or in its limits), and V at most the sum of
+|G' P G|.
+
+Columns of W that move little are put together, one for each row: that makes the set of d larger.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from flint import fmpq
+
+from ..errors import CertificateError
+from .exact import Q, inverse, leading_failure, product, rational, up, zeros
+from .fault_bounds import model
+from .polytope_bounds import middle
+
+Array = np.ndarray
+#: A column is put together with others where all of it is below this share of what its rows are moved by.
+SMALL = fmpq(1, 10)
+GRID = 2**70
+
+
+def condensed(W: Array) -> Array:
+    """The columns of W that matter, as doubles, and a column per row for the rest.
+
+    Parameters
+    ----------
+    W : object array (n, q)
+    """
+    total = abs(W).sum(axis=1)
+    kept = [k for k in range(W.shape[1]) if any(abs(w) > SMALL * t for w, t in zip(W[:, k], total))]
+    rest = [k for k in range(W.shape[1]) if k not in kept]
+    near = rational(np.array([[float(w) for w in row] for row in W[:, kept]]).reshape(len(W), len(kept)))
+    left, own = abs(W[:, rest]).sum(axis=1) + abs(W[:, kept] - near).sum(axis=1), zeros(len(W), len(W))
+    for i, size in enumerate(left):
+        own[i, i] = Q(up(size))
+    return np.concatenate([near, own], axis=1)
+
+
+def unit_bounds(found, P: Array) -> list[fmpq]:
+    """Value c' P^-1 c of every row c of what is judged.
+
+    Parameters
+    ----------
+    found : JointMode
+    P : object array (n, n)
+    """
+    back = inverse(P)
+    return [(c[None] @ back @ c[:, None])[0, 0] for c in found.O]
+
+
+def starts(plant, t, T1E: Array) -> tuple[Array, Array]:
+    """G of the error at a start from the initial box, and of one from anywhere; rational (n, k).
+
+    Parameters
+    ----------
+    plant : Plant
+        Its x holds states and faults.
+    t : PolytopicTables
+    T1E : object array (n, n)
+    """
+    found = []
+    for x, z in (((plant.x0_lo, plant.x0_hi), (t.z0, t.z0)), (plant.limits("x"), (t.z_lo, t.z_hi))):
+        (mid, half), (at, room) = middle(*x), middle(*z)
+        found.append(np.concatenate([(T1E @ mid - at)[:, None], T1E * half, np.diag(room)], axis=1))
+    return found[0], found[1]
+
+
+def first_level(P: Array, G: Array) -> fmpq:
+    """Largest V of G xi, |xi_i| <= 1, at most.
+
+    Parameters
+    ----------
+    P : object array (n, n), G : object array (n, k)
+    """
+    return abs(product(G.T, product(P, G))).sum()
+
+
+def levels(first: fmpq, share: fmpq, tau: fmpq, count: int) -> list[fmpq]:
+    """V at most, from a start on; rounded up.
+
+    Parameters
+    ----------
+    first, share, tau : fmpq
+    count : int
+    """
+    out = [first]
+    for _ in range(count):
+        after = (share * out[-1] + tau) * GRID
+        out.append(fmpq(-((-after.p) // after.q), GRID))
+    return out
+
+
+def check(plant, problem, t, cert: dict, T1: Array, period: float | None, bend: Array) -> None:
+    """Check all thresholds of a table.
+
+    Parameters
+    ----------
+    plant : Plant
+        Its x holds states and faults.
+    problem : DescriptorProblem
+    t : PolytopicTables
+    cert : dict
+        "P" (n, n), "D" (h, q), "share", "level".
+    T1 : ndarray (n, n)
+    period : float or None
+    bend : ndarray (n_x,)
+
+    Raises
+    ------
+    CertificateError
+        Naming what fails.
+    """
+    found, T1E = model(plant, problem, t, T1, period, bend)
+    P, share, last = rational(np.array(cert["P"], dtype=float)), Q(cert["share"]), Q(cert["level"])
+    if P.shape != (len(T1E), len(T1E)) or np.any(P != P.T) or leading_failure(P) is not None or not 0 <= share < 1:
+        raise CertificateError("certificate: P is no symmetric, positive definite matrix, or its share is not in "
+                               "[0, 1).")
+    tau = fmpq(0)
+    for name, m, d in zip(problem.names, found, cert["D"], strict=True):
+        W, D = condensed(m.W), rational(np.array(d, dtype=float))
+        if len(D) != W.shape[1] or any(v < 0 for v in D):
+            raise CertificateError(f'certificate: D of vertex "{name}" has {len(D)} entries (found), expected '
+                                   f"{W.shape[1]} that are not negative.")
+        both = np.concatenate([m.J, W], axis=1)
+        S, n = -product(both.T, product(P, both)), len(P)
+        S[:n, :n] += share * P
+        S[n:, n:] += np.diag(D)
+        if leading_failure(S) is not None:
+            raise CertificateError(f'certificate: the ellipsoid of the error is not kept at vertex "{name}". Try '
+                                   "float64, a faster decay or larger gains.")
+        tau = max(tau, sum(D, fmpq(0)))
+    if share * last + tau > last:
+        raise CertificateError(f"certificate: the last level {cert['level']:.6g} of the error is not kept.")
+    if not 0 <= t.shift < 16 or not 0 <= t.start <= t.last:
+        raise CertificateError(f"certificate: the table of {t.last + 1} rows starts at {t.start}.")
+    if not all(np.all(a <= z) and np.all(z <= c) for z in (t.z0, t.z_mid) for a, c in [(t.z_lo, t.z_hi)]):
+        raise CertificateError("certificate: z does not start within its limits.")
+    if any(Q(a) < Q(c) or Q(b) > Q(d) for a, b, c, d in zip(plant.x0_lo, plant.x0_hi, *plant.limits("x"))):
+        raise CertificateError("certificate: the initial box is not within the declared range.")
+    first, whole = (first_level(P, G) for G in starts(plant, t, T1E))
+    sizes, count = unit_bounds(found[0], P), t.last << t.shift
+    proved = levels(whole, share, tau, count)
+    if first > (last if t.start == t.last else proved[t.start << t.shift]):
+        raise CertificateError(f"certificate: the initial box is not within the level of row {t.start}.")
+    for k, level in enumerate([*proved[:count], last]):
+        _holds(level, sizes, found[0].room, t.h[min(k >> t.shift, t.last)], f"{k} samples after a start")
+    if proved[count] > last:
+        raise CertificateError(f"certificate: after {count} samples the error is not within the last level.")
+
+
+def _holds(level: fmpq, sizes: list[fmpq], rooms: Array, given: Array, when: str) -> None:
+    for i, (size, room, h) in enumerate(zip(sizes, rooms, given)):
+        left = Q(h) - room
+        if left < 0 or left * left < level * size:
+            raise CertificateError(f"certificate: residual {i} reaches {float(level * size) ** 0.5 + float(room):.6g} "
+                                   f"{when}, its threshold is {float(h):.6g}.")
