@@ -16,7 +16,7 @@ from random import Random
 
 import numpy as np
 
-from ..observers import FilterObserver, ModeTables, Trace
+from ..observers import FilterObserver, ModeTables, SlidingTables, Trace
 from .cprint import initialiser, literal
 
 Array = np.ndarray
@@ -189,7 +189,7 @@ def vectors(design, real: str) -> tuple[Vector, ...]:
                         _call(k, design.observer.tables[real], bool(measured[k])),
                         tuple(initialiser(a[k], real) for a in states),
                         (*(initialiser(a[k], real) for a in residuals), *(f"{w[k]}U" for w in trace.words()[1:]),
-                         *["0U"] * bool(trace.words())),
+                         *["0U"] * (len(trace.words()) == 4)),
                         int(trace.raw_bits[k]),
                         int(trace.alarm_bits[k]), int(trace.latched_bits[k]), int(trace.assured[k]))
                  for k in range(len(q)))
@@ -229,7 +229,7 @@ class Refusal:
 
 def refusals(t, macro: str) -> tuple[Refusal, ...]:
     """Return one refused call per kind: the next number beyond a range is already too much."""
-    told = not isinstance(t, ModeTables)
+    told = not isinstance(t, ModeTables | SlidingTables)
     out = [Refusal(f"in.mode = {macro}_MODES;", "in.mode = vectors[0].mode;", "BAD_MODE", "BAD_MODE", 1001)] * told
     for vector, hi, predict, code in (("u", t.u_hi, "BAD_INPUT", 1002), ("y", t.y_hi, "OK", 1003)):
         beyond = np.nextafter(hi, np.array(np.inf, dtype=t.dtype))

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import EmitError
-from ..observers import FilterTables, ModeTables, PointTables
-from . import families, filter_parts, framer_parts, manual, mode_parts, point_parts
+from ..observers import FilterTables, ModeTables, PointTables, SlidingTables
+from . import families, filter_parts, framer_parts, manual, mode_parts, point_parts, sliding_parts
 from .cprint import C_TYPE, check_prefix, comment, initialiser, literal, macro_names
 from .layouts import LAYOUTS
 from .manual import Bit, Channel, Manual
@@ -187,7 +187,8 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         recover=max(s.recover, 1), hold=(f"{s.hold}U",) if s.counts_hold else (),
         dwell=(Dwell(f"{s.dwell_add}U", f"{s.dwell_drain}U", f"{s.dwell_limit}U"),) if s.monitors_dwell else (),
         remember=("s->mode = in->mode;",) if fields.has_mode else (),
-        assured=_truth(["(!fault)", *quiet]), assured_blind=_truth(quiet),
+        assured=_truth(["(!fault)", *quiet]) if own.promises else "0U",
+        assured_blind=_truth(quiet) if own.promises else "0U",
         late=own.late, move=own.move,
         last_items=_last_items(names, bool(theta)),
         last_status=f"{names.macro}_BAD_{'PARAMETER' if theta else 'OUTPUT'}",
@@ -202,6 +203,7 @@ def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
                                  "f_hat")
         return filter_parts.parts(t, s, names, signals, layout, faults)
     make = (mode_parts.parts if isinstance(t, ModeTables) else
+            sliding_parts.parts if isinstance(t, SlidingTables) else
             point_parts.parts if isinstance(t, PointTables) else framer_parts.parts)
     return make(design.observer.family, t, s, names, signals, layout)
 

@@ -12,6 +12,7 @@ from . import (
     interval,
     lpv_interval,
     mode_set,
+    mode_sliding,
     tnl_interval,
     tnl_interval_lpv,
     zonotope,
@@ -57,7 +58,7 @@ class Method:
     @property
     def estimates_mode(self) -> bool:
         """Whether it finds the mode that other observers are told."""
-        return self.family == "mode"
+        return self.family in ("mode", "sliding")
 
     @property
     def tnl(self) -> bool:
@@ -93,6 +94,8 @@ METHODS = {
                           "Farhat, Koenig (2016)", fault_filter, automatic=False),
     "mode-set": Method(("continuous switched, mode unknown",), "mode", "the modes that are still possible",
                        "own; task of Zammali (2020), chapter 4", mode_set, automatic=False),
+    "mode-sliding": Method(("continuous switched, mode unknown",), "sliding", "the mode by super-twisting, unproved",
+                           "Zammali (2020), Theorem 12", mode_sliding, automatic=False),
 }
 #: Options of every method with an error set.
 SETS = {"set": ("zonotope", "ellipsoid", "interval"), "order": (2, 200),
