@@ -135,14 +135,14 @@ def table(plant: Plant, truth: PlantTrace, trace) -> str:
     text : str
         Columns k, t, x_lo.<state> ..., x_hi.<state> ..., r_lo.<output> ..., r_hi.<output> ..., alarm, latched,
         assured, status; of a filter f_hat.<fault> ..., f_bound.<fault> ... in place of the bounds; of a mode estimator
-        also mode, mode_set, settled_set, age. Every number reads back exactly.
+        also mode, mode_set, settled_set (not of sliding modes), age. Every number reads back exactly.
     """
     names = {"x_lo": plant.x, "x_hi": plant.x, "r_lo": plant.y, "r_hi": plant.y}
     if isinstance(trace, FilterTrace):
         names = {"f_hat": plant.f, "f_bound": plant.f}
     header = ["k", "t", *(f"{field}.{s.name}" for field, signals in names.items() for s in signals),
               "alarm", "latched", "assured", "status",
-              *(["mode", "mode_set", "settled_set", "age"] if trace.words() else [])]
+              *trace.word_names]
     columns = [column for field in names for column in getattr(trace, field).T]
     cells = [["" if np.isnan(v) else str(v) for v in column] for column in columns]
     flags = [a.astype(int).tolist() for a in (

@@ -16,9 +16,9 @@ from scipy.linalg import expm
 from ..errors import DesignError
 
 Array = np.ndarray
-PERIODS = (0.5, 1.0, 2.0)  # of the plant's
-NOISES = (0.0, 1.0, 2.5, 5.0)  # of the declared bounds
-RUNS, DWELLS, SEED = 6, 10, 1
+PERIODS = (0.5, 1.0, 2.0, 4.0)  # of the plant's
+NOISES = (0.0, 1.0, 5.0, 25.0)  # of the declared bounds
+RUNS, DWELLS, SEED = 16, 6, 1
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,7 @@ def courses(plant, runs: int, steps: int, seed: int) -> Course:
     Course
     """
     T, dwell, N = plant.sample_period, plant.switching.average_dwell, plant.n_modes
+    whole = [_transition(m, T) for m in plant.modes]
     made: list = [[], [], [], [], []]
     for run in range(runs):
         rng = np.random.default_rng((seed, run))
@@ -67,13 +68,14 @@ def courses(plant, runs: int, steps: int, seed: int) -> Course:
                 row.append(value)
             now, fed = k * T, u
             while due < (k + 1) * T:
-                x = _moved(plant.modes[q], x, fed, w, due - now)
+                x = _transition(plant.modes[q], due - now) @ np.concatenate([x, fed, w])
                 q, now = int(rng.choice([i for i in range(N) if i != q])), due
                 switches.append((due, q))
                 due += dwell * rng.uniform(1, 2.5)
                 u = _corner(rng, *plant.limits("u"))  # from the next sample on
                 w = _corner(rng, plant.modes[q].w_lo, plant.modes[q].w_hi)
-            x = _moved(plant.modes[q], x, fed, w, (k + 1) * T - now)
+            left = whole[q] if now == k * T else _transition(plant.modes[q], (k + 1) * T - now)
+            x = left @ np.concatenate([x, fed, w])
             if rng.random() < 0.2:
                 w = _corner(rng, plant.modes[q].w_lo, plant.modes[q].w_hi)
         for part, value in zip(made, (*map(np.array, rows), switches)):
@@ -86,12 +88,10 @@ def _corner(rng, lo: Array, hi: Array) -> Array:
     return np.where(rng.random(len(lo)) < 0.5, lo, hi)
 
 
-def _moved(m, x: Array, u: Array, w: Array, t: float) -> Array:
-    """State a time t later."""
-    n = len(x)
-    whole = np.zeros((n + 1, n + 1))
-    whole[:n, :n], whole[:n, n] = m.A, m.B @ u + m.Bw @ w
-    return (expm(whole * t) @ np.append(x, 1.0))[:n]
+def _transition(m, t: float) -> Array:
+    """What [x; u; w] make of x in a time t."""
+    parts = np.hstack([m.A, m.B, m.Bw])
+    return expm(np.vstack([parts, np.zeros((parts.shape[1] - len(parts), parts.shape[1]))]) * t)[:len(parts)]
 
 
 def delays(mode: Array, q: Array, switches: list, period: float) -> list[float]:

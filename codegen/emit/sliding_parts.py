@@ -173,6 +173,6 @@ def operations(t) -> Operations:
     root = Operations(tangents + STEPS, tangents + STEPS, tangents, STEPS)
     twist = Operations(*(loops * (a + b) for a, b in zip(vars(root).values(), (n + n + p + 5, 2 * n + p + 9, 8, 0))))
     moves = Operations((N + 1) * 2 * n * (n + n_u + p), (N + 1) * 2 * n * (n + n_u + p), 2 * bounds)
-    tests = Operations((N + 2) * test, (N + 2) * (test + 4 * p), (N + 2) * (p * n + 2 * p))
+    tests = Operations((N + 2) * test, (N + 2) * (test + 4 * p), (N + 2) * (p * n + 2 * p + n) + n)
     rest = Operations(fed + N + 1, fed + 2 * N + 2 * N * p, 2 * N * p + N + 1 + 2 * n_u + 2 * p)
     return twist + moves + tests + rest

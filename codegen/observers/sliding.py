@@ -4,7 +4,8 @@ Plant ``x' = A_q x + B_q u + w``, ``y = C x + D u + v``, C common to the modes, 
 has a pair of bounds, right while it is the active one, and per bound a super-twisting loop whose ``rate`` goes to what
 the bound's output has of rate more than the measurement. With s = y - D u, per sample and mode i::
 
-    1  test       C x_lo + v_lo <= s <= C x_hi + v_hi by signs of C; where it fails, mode i was not active all the time
+    1  test       C x_lo + v_lo <= s <= C x_hi + v_hi by signs of C, x_lo <= x_hi; where it fails, mode i was not active
+                  all the time
     2  twist      e = z - s + C x,  b = e + tau rate,  c = b / h, g = 0 where |b| <= h, else c = sign b,
                   g = sqrt |b| - sqrt h;   rate -= tau k2 c,  z -= tau k1 g c        (h = tau^2 k2, k1 = 2 sqrt k2)
     3  restart    a pair that failed begins anew at the range of x, its z at s - C x
@@ -71,12 +72,8 @@ class SlidingTrace(Trace):
 
     @property
     def word_names(self) -> tuple[str, ...]:
-        """Names of ``words``."""
+        """Names of the fields that other families do not have, in their order."""
         return "mode", "mode_set", "age"
-
-    def words(self) -> list[Array]:
-        """The fields that other families do not have, in their order."""
-        return [getattr(self, name) for name in self.word_names]
 
 
 class SlidingObserver(Runner):
@@ -129,7 +126,7 @@ class SlidingObserver(Runner):
         step, modes = on & measured, t.sizes[0]
         seen = affine(y, -t.D, u)
         r_lo, r_hi = tested(t, self.x, seen[:, None])
-        failed = ~holds(r_lo, r_hi)
+        failed = ~(holds(r_lo, r_hi) & ordered(self.x))
         z, rate = self._twisted(t, seen)
         old = self.level
         total = np.zeros_like(old)
@@ -140,11 +137,12 @@ class SlidingObserver(Runner):
         rows, first = np.arange(len(on)), np.argmin(level, axis=1)
         best = np.where(level[rows, first] < t.share * level[rows, self.best], first, self.best)
         decided = np.where(self.age == t.blank, best, self.decided)
-        wrong = failed[rows, decided] | ~holds(*tested(t, self.shown, seen))
+        crossed = ~ordered(self.shown)
+        wrong = failed[rows, decided] | ~holds(*tested(t, self.shown, seen)) | crossed
         detected = (self.age >= t.blank) & ((best != decided) | wrong)
         wide = detected | (self.age <= t.blank)
         age = np.where(detected, 0, np.minimum(self.age + 1, OLDEST))
-        blind = self.age <= t.blank
+        blind = (self.age <= t.blank) | crossed
         shown = [np.where((np.where(step, wide, blind))[:, None], end, own)
                  for end, own in zip((t.x_lo, t.x_hi), self.shown)]
         r_lo, r_hi = tested(t, shown, seen)
@@ -245,6 +243,11 @@ def tested(t: SlidingTables, x: list[Array], seen: Array) -> tuple[Array, Array]
     """Bounds of what s may be, minus s, by signs of C."""
     below, above = image(t.H, x[0], x[1], np.zeros((*x[0].shape[:-1], t.sizes[3]), t.dtype))
     return (below + t.v_lo) - seen, (above + t.v_hi) - seen
+
+
+def ordered(x: list[Array]) -> Array:
+    """Whether no lower bound is above the upper one, as both would hold x in the active mode."""
+    return (x[0] <= x[1]).all(axis=-1)
 
 
 def holds(r_lo: Array, r_hi: Array) -> Array:

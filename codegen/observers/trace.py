@@ -21,9 +21,14 @@ class Rows:
         fields = (getattr(self, name) for name in self.__dataclass_fields__)
         return [value for value in fields if value.dtype.kind == "f"]
 
+    @property
+    def word_names(self) -> tuple[str, ...]:
+        """Names of the fields that are words of one family alone."""
+        return ()
+
     def words(self) -> list[Array]:
-        """The fields that are words of one family alone."""
-        return []
+        """These fields, in their order."""
+        return [getattr(self, name) for name in self.word_names]
 
     def differs(self, other: Rows) -> list[str]:
         """Names of the fields in which two traces are not ``==`` (NaN equals NaN)."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..analysis.validate import Outcome
 from . import firmware_words, outcome_words, words
-from .design_words import is_filter
+from .design_words import is_filter, is_unproved
 from .table import Fact
 
 
@@ -50,7 +50,8 @@ def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict
     simulated = [o for o in outcomes if not outcome_words.is_record(o)]
     parts = ["the compiled C agrees with the reference in every bit", "no false alarm"]
     if simulated and not is_filter(design, real):
-        parts.insert(1, f"no true state outside its bounds ({words.count(len(simulated), 'simulated scenario')})")
+        right = " while the decision was right" if is_unproved(design, real) else ""
+        parts.insert(1, f"no true state outside its bounds{right} ({words.count(len(simulated), 'simulated scenario')})")
     text = f"In {words.count(len(outcomes), 'scenario')} with {words.count(samples, 'sample')}: {words.listed(parts)}."
     if injected:
         text += f" {len(found)} of {words.count(injected, 'fault')} found; none was later than promised."
@@ -75,6 +76,10 @@ def purpose(design) -> str:
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
                 f"reads {outputs}, answers with an estimate of {faults}, and raises an alarm only where the estimate "
                 "cannot be explained without a fault.")
+    if is_unproved(design, plant.target.real):
+        modes = words.listed(m.name for m in plant.modes)
+        return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
+                f"reads {outputs} and decides which of the modes {modes} is active, without a guarantee.")
     states = words.listed(s.name for s in plant.x)
     return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it reads "
             f"{outputs}, answers with guaranteed bounds on {states}, and raises an alarm only when the measurements "
