@@ -144,7 +144,8 @@ def measured(plant, family: type, supervision, tables_for: Callable) -> list[dic
                 continue
             run = courses(own, RUNS, int(DWELLS * plant.switching.average_dwell / own.sample_period), SEED)
             trace = family({t.real: t}, supervision).run_many(run.u, np.clip(run.y, t.y_lo, t.y_hi), run.q, t.real)
-            found = [d for i in range(RUNS) for d in delays(trace.mode[i], run.q[i], run.switches[i], own.sample_period)]
+            found = [d for mode, q, switches in zip(trace.mode, run.q, run.switches)
+                     for d in delays(mode, q, switches, own.sample_period)]
             kept = [d for d in found if np.isfinite(d)]
             cells.append({"period": own.sample_period, "noise": noise, "switches": len(found),
                           "missed": len(found) - len(kept), "median": rounded(np.median(found)),

@@ -1,8 +1,8 @@
 """What is proved of ``mode-sliding``: the conditions of Theorem 12 on its gains, and that a pair holds x in its mode.
 
-The gains of continuous time are judged in rational numbers; that the tables have them, held for a period, and that each
-pair's offsets cover its mode, in ball arithmetic. What rounding can do is gamma_k = k u / (1 - k u) times the magnitudes
-of the terms (u the unit roundoff, k roundings in a row; fused or not). Of the decision nothing is proved.
+The gains of continuous time are judged in rational numbers; that the tables have them, held for a period, and that
+each pair's offsets cover its mode, in ball arithmetic. What rounding can do is gamma_k = k u / (1 - k u) times the
+magnitudes of the terms (u the unit roundoff, k roundings in a row; fused or not). Of the decision nothing is proved.
 """
 
 from __future__ import annotations
@@ -60,10 +60,11 @@ def _levels(plant, cert: dict, start, name: str) -> list[float]:
     levels = []
     for q, (mode, value) in enumerate(zip(plant.modes, start)):
         tries = [float(value) * (1 + room) for room in (0.0, 1e-6, 1e-4, 1e-2, 0.1)]
-        level = next((x for x in tries if leading_failure(-conditions(mode, cert, q, {name: x})[name]) is None), None)
+        level = next((x for x in tries if leading_failure(-conditions(mode, cert, q, {name: x})[name]) is None),
+                     None)
         if level is None:
-            raise CertificateError(f'certificate: in mode "{mode.name}" the gains do not have the level {name} that the '
-                                   "solver states. Take another observer.gain_limit.")
+            raise CertificateError(f'certificate: in mode "{mode.name}" the gains do not have the level {name} that '
+                                   "the solver states. Take another observer.gain_limit.")
         levels.append(level)
     return levels
 
@@ -215,7 +216,7 @@ class _Demands:
 
     def of_mode(self, q: int) -> tuple[Array, Array]:
         """The offsets of one mode."""
-        m, t, wide = self.plant.modes[q], self.t, self.n + self.n_u
+        m, wide = self.plant.modes[q], self.n + self.n_u
         whole = ball(np.zeros((wide, wide)))
         whole[:self.n, :self.n], whole[:self.n, self.n:] = ball(m.A), ball(m.B)
         move = exponential(whole, self.T)[:self.n]
@@ -287,10 +288,10 @@ def sentences(plant, t, cert: dict) -> list[str]:
     width = "; ".join(f'"{m.name}" ' + ", ".join(f"{a + b:.4g}" for a, b in zip(*e))
                       for m, e in zip(plant.modes, cert["errors"]))
     return [
-        "nothing is proved of the decision: out->mode may be wrong at any sample and for any time, so out->assured is 0 "
-        "at every sample; what was measured of it is in the report",
-        "a mode's test fails only where that mode was not active all the time since its pair of bounds began, or a fault "
-        f"acts; all rounding is included ({t.real}, with or without fused multiply-add)",
+        "nothing is proved of the decision: out->mode may be wrong at any sample and for any time, so out->assured is "
+        "0 at every sample; what was measured of it is in the report",
+        "a mode's test fails only where that mode was not active all the time since its pair of bounds began, or a "
+        f"fault acts; all rounding is included ({t.real}, with or without fused multiply-add)",
         "x_lo <= x <= x_hi at every sample while no fault acts, where out->mode has been the true mode since it was "
         "taken up; from a detection until then they are the declared range",
         f"no alarm is false while switches are at least {time(t.dwell)} apart",

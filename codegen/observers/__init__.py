@@ -29,5 +29,6 @@ FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": Zonoto
 __all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
            "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables",
            "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
-           "Runner", "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables", "SlidingTrace", "Supervision",
-           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables", "Variation", "ZonotopeObserver", "ZonotopeTables"]
+           "Runner", "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables", "SlidingTrace",
+           "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables", "Variation",
+           "ZonotopeObserver", "ZonotopeTables"]

@@ -1,4 +1,4 @@
-"""Constants of family "sliding": a pair of bounds and a super-twisting differentiator of it per mode, and the decision."""
+"""Constants of family "sliding": a pair of bounds per mode, a super-twisting loop per bound, the decision."""
 
 from __future__ import annotations
 

@@ -10,12 +10,12 @@ from .table import Cell, Folded, Table, table
 CRITERION = ("least levels of Theorem 12 within the limit of the gains; the levels do not say how well modes are told "
              "apart")
 NOT_GUARANTEED = (
-    "The mode. The decision is right most of the time in the cases measured, and may be wrong in any other; “assured” is "
-    "0 at every sample.",
-    "The state bounds while the decision is not that of the true mode: after a switch that is not noticed yet they may "
-    "be those of the old mode.",
-    "That a fault raises the alarm. Without one there is no alarm as long as the mode keeps its dwell time; a fault may "
-    "well pass for a mode.")
+    "The mode. The decision is right most of the time in the cases measured, and may be wrong in any other; “assured” "
+    "is 0 at every sample.",
+    "The state bounds while the decision is not that of the true mode: after a switch that is not noticed yet they "
+    "may be those of the old mode.",
+    "That a fault raises the alarm. Without one there is no alarm as long as the mode keeps its dwell time; a fault "
+    "may well pass for a mode.")
 
 
 def tables(design, real: str) -> tuple[Table, ...]:
@@ -46,7 +46,8 @@ def tables(design, real: str) -> tuple[Table, ...]:
     width = [(m.name, *(words.at_most(a + b) for a, b in zip(*e))) for m, e in zip(plant.modes, cert["errors"])]
     notes = ("Approached while the mode is the true one and stays; from a detection until the mode is taken up "
              f"({words.delay(cert['blank'] + 1, plant.sample_period)}) the bounds are the declared range.",)
-    return measured, table("How wide the bounds become, proved", ("mode", *(f"#{s.name}" for s in plant.x)), width, notes)
+    head = ("mode", *(f"#{s.name}" for s in plant.x))
+    return measured, table("How wide the bounds become, proved", head, width, notes)
 
 
 def _time(seconds: float | None) -> str:
@@ -56,8 +57,8 @@ def _time(seconds: float | None) -> str:
 
 def switching(cert: dict) -> str:
     """Say for which switching something is proved."""
-    return (f"a mode that nobody tells, switching at any instant: nothing of the decision; the alarm, for switches at least "
-            f"{cert['dwell']} samples apart; the bounds, while the decision is right")
+    return ("a mode that nobody tells, switching at any instant: nothing of the decision; the alarm, for switches at "
+            f"least {cert['dwell']} samples apart; the bounds, while the decision is right")
 
 
 def gains(design, real: str, matrix) -> tuple[Folded, ...]:

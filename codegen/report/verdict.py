@@ -51,7 +51,8 @@ def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict
     parts = ["the compiled C agrees with the reference in every bit", "no false alarm"]
     if simulated and not is_filter(design, real):
         right = " while the decision was right" if is_unproved(design, real) else ""
-        parts.insert(1, f"no true state outside its bounds{right} ({words.count(len(simulated), 'simulated scenario')})")
+        parts.insert(1, f"no true state outside its bounds{right} "
+                     f"({words.count(len(simulated), 'simulated scenario')})")
     text = f"In {words.count(len(outcomes), 'scenario')} with {words.count(samples, 'sample')}: {words.listed(parts)}."
     if injected:
         text += f" {len(found)} of {words.count(injected, 'fault')} found; none was later than promised."

@@ -1,4 +1,4 @@
-"""Tables of ``mode-sliding``: gains brought to the sampling period, offsets that hold the plant, constants of the loops.
+"""Tables of ``mode-sliding``: gains brought to the period, offsets that hold the plant, constants of the loops.
 
 The held gain is ``int_0^T e^{(A - L C) s} ds L``, the matrix of the bounds ``M = e^{A T} - (held gain) C`` of its
 rounding; entries below zero become zero. What is lost by that and by every rounding goes into the offsets, over the
@@ -93,7 +93,8 @@ def _frozen(tables_class, plant, gains: dict, chosen: dict, real: str, moves: li
     noise = hull(first.Dv, first.v_lo, first.v_hi)
     s = sizes["y"] + np.abs(first.D) @ u  # magnitude of y - D u
     lost = (n_u + 4) * eps * s + np.abs(first.D - D) @ u + 4 * smallest  # error of it as read and computed
-    room = lost + np.abs(first.C - H) @ sizes["x"] + (n + 6) * eps * (np.abs(first.C) @ far + s + np.max(np.abs(noise), 0))
+    terms = np.abs(first.C) @ far + s + np.max(np.abs(noise), axis=0)
+    room = lost + np.abs(first.C - H) @ sizes["x"] + (n + 6) * eps * terms
     out: dict[str, list] = {}
     for q, (move, reached) in enumerate(moves):
         A, G = move.value[:, :n], move.value[:, n:n + n_u].astype(real)
@@ -101,7 +102,8 @@ def _frozen(tables_class, plant, gains: dict, chosen: dict, real: str, moves: li
         for side, sign in (("hi", 1.0), ("lo", -1.0)):
             L = held(plant.modes[q].A, first.C, gains[f"L_{side}"][q], plant.sample_period).astype(real).astype(float)
             M = A - L @ first.C
-            M = np.where(M > 4 * eps * (np.abs(A) + np.abs(L) @ np.abs(first.C)), M, 0.0).astype(real).astype(float)
+            least = 4 * eps * (np.abs(A) + np.abs(L) @ np.abs(first.C))
+            M = np.where(least < M, M, 0.0).astype(real).astype(float)
             left = [(A - M - L @ first.C, x_lo, x_hi), (move.value[:, n:n + n_u] - G.astype(float), u_lo, u_hi),
                     (-L, *noise)]
             need = sum((support(sign * E, lo, hi) for E, lo, hi in left), reached + sign * move.value[:, -1])
@@ -122,8 +124,8 @@ def _loops(plant, made: dict, far: Array, s: Array, chosen: dict, real: str) -> 
     """Constants of the super-twisting loops and of the decision."""
     T, slope, C = plant.sample_period, chosen["slope"], np.abs(plant.modes[0].C)
     u = np.max(np.abs(plant.limits("u")), axis=0)
-    steps = [C @ (np.abs(M - np.eye(plant.n_x)) @ far + np.abs(G) @ u + np.abs(L) @ s + np.abs(d)) for side in ("hi", "lo")
-             for M, G, L, d in zip(made[f"M_{side}"], made["G"], made[f"L_{side}"], made[f"d_{side}"])]
+    steps = [C @ (np.abs(M - np.eye(plant.n_x)) @ far + np.abs(G) @ u + np.abs(L) @ s + np.abs(d))
+             for k in ("hi", "lo") for M, G, L, d in zip(made[f"M_{k}"], made["G"], made[f"L_{k}"], made[f"d_{k}"])]
     rate, z = 2 * np.max(steps, axis=0) / T, 2 * (s + C @ far)
     ground = T * T * slope
     largest = float(np.max(z + s + C @ far + T * rate))

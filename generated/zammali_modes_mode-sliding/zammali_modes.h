@@ -149,7 +149,7 @@ typedef struct {
 
 /* What the observer answers at a sample. */
 typedef struct {
-    /* lower bounds of x at this sample, if out->mode is right since it was taken */
+    /* lower bounds of x at this sample, while out->mode is right */
     zammali_modes_real x_lo[ZAMMALI_MODES_NX];
     /* upper bounds of x at this sample */
     zammali_modes_real x_hi[ZAMMALI_MODES_NX];
@@ -161,7 +161,7 @@ typedef struct {
     uint32_t mode;
     /* bit q: the test of mode q holds at this sample; the true one's may fail */
     uint32_t mode_set;
-    /* samples since the last detection, to 65535; up to ZAMMALI_MODES_BLANK the mode is that before */
+    /* samples since a detection, to 65535; to ZAMMALI_MODES_BLANK: mode is the last one */
     uint32_t age;
     /* ZAMMALI_MODES_BIT_TWICE where the mode has surely changed twice within its dwell time */
     uint32_t raw;
