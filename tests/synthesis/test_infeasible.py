@@ -96,7 +96,7 @@ CASES = {
     "unknown method": (
         GOOD, "sliding", {},
         'base: observer.method is "sliding", expected one of interval, tnl-interval, lpv-interval, '
-        "tnl-interval-lpv, component-interval, zonotope, ellipsoid, hinf-filter, mode-set."),
+        "tnl-interval-lpv, component-interval, zonotope, ellipsoid, hinf-filter, mode-set, mode-sliding."),
     "unknown option": (
         GOOD, "interval", {"lamda": 0.5},
         "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, lambda, contraction, "

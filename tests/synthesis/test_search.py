@@ -141,7 +141,9 @@ def test_thresholds_of_all_channels_are_those_of_each(name, calls):
 @pytest.mark.parametrize("method", [name for name, entry in METHODS.items() if not (entry.framers or entry.sets)])
 def test_progress_names_what_is_solved(method):
     """Methods without a search over candidates: what is being solved or certified, the method's name first."""
-    plant = next(p for p in map(load, gallery_names()) if p.method == method)
+    plants = list(map(load, gallery_names()))
+    plant = ([p for p in plants if p.method == method]
+             or [p for p in plants if METHODS[method].module.inapplicable(p) is None])[0]
     said = []
     pipeline.design(plant, method, said.append)
     assert said and all(line.startswith(f"{method}: ") for line in said)
