@@ -135,7 +135,7 @@ def table(plant: Plant, truth: PlantTrace, trace) -> str:
     text : str
         Columns k, t, x_lo.<state> ..., x_hi.<state> ..., r_lo.<output> ..., r_hi.<output> ..., alarm, latched,
         assured, status; of a filter f_hat.<fault> ..., f_bound.<fault> ... in place of the bounds; of a mode estimator
-        also mode, mode_set, settled_set (not of sliding modes), age. Every number reads back exactly.
+        also the words of its family, such as mode, mode_set, age. Every number reads back exactly.
     """
     names = {"x_lo": plant.x, "x_hi": plant.x, "r_lo": plant.y, "r_hi": plant.y}
     if isinstance(trace, FilterTrace):

@@ -23,11 +23,14 @@ RUNS, DWELLS, SEED = 16, 6, 1
 
 @dataclass(frozen=True)
 class Course:
-    """Runs side by side: x (S, K, n_x), u (S, K, n_u), y (S, K, n_y), q (S, K); switches per run as (time, mode)."""
+    """Runs side by side: x (S, K, n_x), u (S, K, n_u), y (S, K, n_y), of it the noise, q (S, K); switches per run as
+    (time, mode).
+    """
 
     x: Array
     u: Array
     y: Array
+    noise: Array
     q: Array
     switches: list
 
@@ -53,18 +56,18 @@ def courses(plant, runs: int, steps: int, seed: int) -> Course:
     """
     T, dwell, N = plant.sample_period, plant.switching.average_dwell, plant.n_modes
     whole = [_transition(m, T) for m in plant.modes]
-    made: list = [[], [], [], [], []]
+    made: list = [[], [], [], [], [], []]
     for run in range(runs):
         rng = np.random.default_rng((seed, run))
         q, due = int(rng.integers(N)), dwell * rng.uniform(1, 2.5)
         x, u = rng.uniform(plant.x0_lo, plant.x0_hi), _corner(rng, *plant.limits("u"))
         w = _corner(rng, plant.modes[q].w_lo, plant.modes[q].w_hi)
-        rows: list = [[], [], [], []]
+        rows: list = [[], [], [], [], []]
         switches = []
         for k in range(steps):
             m = plant.modes[q]
-            v = rng.uniform(m.v_lo, m.v_hi)
-            for row, value in zip(rows, (x, u, m.C @ x + m.D @ u + m.Dv @ v, q)):
+            noise = m.Dv @ rng.uniform(m.v_lo, m.v_hi)
+            for row, value in zip(rows, (x, u, m.C @ x + m.D @ u + noise, noise, q)):
                 row.append(value)
             now, fed = k * T, u
             while due < (k + 1) * T:
@@ -80,8 +83,8 @@ def courses(plant, runs: int, steps: int, seed: int) -> Course:
                 w = _corner(rng, plant.modes[q].w_lo, plant.modes[q].w_hi)
         for part, value in zip(made, (*map(np.array, rows), switches)):
             part.append(value)
-    x, u, y, q = (np.array(part) for part in made[:4])
-    return Course(x, u.reshape(runs, steps, plant.n_u), y, q, made[4])
+    x, u, y, noise, q = (np.array(part) for part in made[:5])
+    return Course(x, u.reshape(runs, steps, plant.n_u), y, noise, q, made[5])
 
 
 def _corner(rng, lo: Array, hi: Array) -> Array:
@@ -136,14 +139,16 @@ def measured(plant, family: type, supervision, tables_for: Callable) -> list[dic
     silent = all(not np.any(m.v_lo) and not np.any(m.v_hi) for m in plant.modes)
     cells = []
     for share in PERIODS:
+        near = scaled(plant, share, 1.0)
+        run = courses(near, RUNS, int(DWELLS * plant.switching.average_dwell / near.sample_period), SEED)
         for noise in NOISES[:1] if silent else NOISES:
             own = scaled(plant, share, noise)
             try:
                 t = tables_for(own)
             except DesignError:
                 continue
-            run = courses(own, RUNS, int(DWELLS * plant.switching.average_dwell / own.sample_period), SEED)
-            trace = family({t.real: t}, supervision).run_many(run.u, np.clip(run.y, t.y_lo, t.y_hi), run.q, t.real)
+            y = np.clip(run.y + (noise - 1) * run.noise, t.y_lo, t.y_hi)
+            trace = family({t.real: t}, supervision).run_many(run.u, y, run.q, t.real)
             found = [d for mode, q, switches in zip(trace.mode, run.q, run.switches)
                      for d in delays(mode, q, switches, own.sample_period)]
             kept = [d for d in found if np.isfinite(d)]

@@ -189,7 +189,7 @@ def vectors(design, real: str) -> tuple[Vector, ...]:
                         _call(k, design.observer.tables[real], bool(measured[k])),
                         tuple(initialiser(a[k], real) for a in states),
                         (*(initialiser(a[k], real) for a in residuals), *(f"{w[k]}U" for w in trace.words()[1:]),
-                         *["0U"] * (len(trace.words()) == 4)),
+                         *["0U"] * bool(trace.words())),
                         int(trace.raw_bits[k]),
                         int(trace.alarm_bits[k]), int(trace.latched_bits[k]), int(trace.assured[k]))
                  for k in range(len(q)))

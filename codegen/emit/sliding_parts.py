@@ -111,6 +111,7 @@ def out_fields(names: Names) -> tuple[Member, ...]:
             (real, "r_hi", f"[{m}_NY]", ("largest y that these expect, minus y; 0 after predict",)),
             (word, "mode", "", ("the decision; nothing is proved of it",)),
             (word, "mode_set", "", ("bit q: the test of mode q holds at this sample; the true one's may fail",)),
+            (word, "candidate", "", ("the mode of the least rates; out->mode follows it after a detection",)),
             (word, "age", "", (f"samples since a detection, to {OLDEST}; to {m}_BLANK: mode is the last one",)),
             (word, "raw", "", (f"{m}_BIT_TWICE where the mode has surely changed twice within its dwell time",)),
             (word, "alarm", "", ("the same after the debounce; 0 after predict",)),

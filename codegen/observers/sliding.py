@@ -55,25 +55,28 @@ class SlidingTrace(Trace):
         The decision.
     mode_set : ndarray (K,) uint32
         Bit mask of the modes whose test holds at this sample.
+    candidate : ndarray (K,) uint32
+        The mode of the least rates; the decision follows it after a detection.
     age : ndarray (K,) uint32
         Samples since the last detection.
     """
 
     mode: Array
     mode_set: Array
+    candidate: Array
     age: Array
 
     @classmethod
     def empty(cls, shape: tuple[int, ...], n_x: int, n_y: int, dtype) -> SlidingTrace:
         """Allocate for runs of the given leading shape, e.g. (K,) or (S, K)."""
         own = Trace.empty(shape, n_x, n_y, dtype)
-        words = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
+        words = [np.zeros(shape, dtype=np.uint32) for _ in range(4)]
         return cls(*(getattr(own, name) for name in Trace.__dataclass_fields__), *words)
 
     @property
     def word_names(self) -> tuple[str, ...]:
         """Names of the fields that other families do not have, in their order."""
-        return "mode", "mode_set", "age"
+        return "mode", "mode_set", "candidate", "age"
 
 
 class SlidingObserver(Runner):
@@ -82,7 +85,7 @@ class SlidingObserver(Runner):
     family = "sliding"
     tables_class = SlidingTables
     trace_class = SlidingTrace
-    stated = False
+    stated = promises = False
 
     @classmethod
     def initial(cls, x0_lo, x0_hi, shape: tuple[int, int], record: dict, dtype) -> list[Array | None]:
@@ -158,7 +161,7 @@ class SlidingObserver(Runner):
         self._lose(t, on & (again | ~measured))
         out.x_lo[on], out.x_hi[on] = shown[0][on], shown[1][on]
         out.r_lo[step], out.r_hi[step] = r_lo[step], r_hi[step]
-        out.mode[on] = self.decided[on]
+        out.mode[on], out.candidate[on] = self.decided[on], self.best[on]
         everything = np.uint32(2**modes - 1)
         out.mode_set[on] = np.where(measured, pack(~failed), everything)[on]
         out.raw_bits[step] = raw[step]

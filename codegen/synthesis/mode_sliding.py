@@ -121,7 +121,7 @@ def theorem12(A, C: Array, limit: float, weight: float = 0.5, corrected: bool = 
                           f"gains within the limit of {limit:g} 1/s in every mode. Raise observer.gain_limit, or use "
                           'method "mode-set", which needs neither.')
     if second:
-        room = [worst <= worst.value * (1 + 1e-4) + 1e-9]
+        room = [level <= np.max(level.value) * (1 + 1e-4) + 1e-9 for level in (gamma, beta)]
         _solved(cp.Problem(cp.Minimize(weight * cp.sum(gamma) + (1 - weight) * cp.sum(beta)), conditions + room))
     return {"L_hi": np.array([x.value / P1.value[:, None] for x in X]),
             "L_lo": np.array([y.value / P2.value[:, None] for y in Y]),
