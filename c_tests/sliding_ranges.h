@@ -15,9 +15,42 @@ static int begins_at(const T(state) *s, const T(real) *lo, const T(real) *hi)
     return 0;
 }
 
+/* Without a measurement: the bounds as they are while the decision stands, unless they have crossed. */
+static int predicted(void)
+{
+    for (uint32_t n = 0U; n < 8U; n++)
+    {
+        bench b;
+
+        start(&b);
+        for (uint32_t i = 0U; i < M(NX); i++)
+        {
+            b.s.shown_lo[i] = (x_lo[i] / 2) + (x_hi[i] / 2);
+            b.s.shown_hi[i] = b.s.shown_lo[i];
+        }
+        b.s.shown_lo[0] = ((n % 2U) != 0U) ? x_hi[0] : b.s.shown_lo[0];
+        b.s.age = M(BLANK) + 1U - ((n / 2U) % 2U);
+        b.s.decided = M(MODES) - 1U + (n / 4U);
+        b.s.best = b.s.decided;
+        CHECK(T(predict)(&b.s, &b.in, &b.out) == M(OK));
+        CHECK((b.out.mode == ((n < 4U) ? (M(MODES) - 1U) : 0U)) && (b.out.candidate == b.out.mode));
+        if ((n % 4U) == 0U)
+        {
+            CHECK((b.out.x_lo[0] <= b.out.x_hi[0]) && (b.out.x_lo[0] >= b.out.x_hi[0]));
+        }
+        else
+        {
+            CHECK(same_bytes(b.out.x_lo, x_lo, sizeof(x_lo)) && same_bytes(b.out.x_hi, x_hi, sizeof(x_hi)));
+        }
+    }
+    return 0;
+}
+
 static int init_and_reset_boxes(void)
 {
     bench b;
+
+    CHECK(predicted() == 0);
 
     start(&b);
     CHECK((forgets(&b.s) == 0) && (begins_at(&b.s, x0_lo, x0_hi) == 0));

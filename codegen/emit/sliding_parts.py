@@ -169,13 +169,14 @@ def view(t, names: Names) -> SlidingView:
 
 
 def operations(t) -> Operations:
-    """Count the dearest step: every pair takes a root and begins anew, everything is cut."""
+    """Count the dearest step: every pair takes roots and begins anew."""
     N, n, n_u, p = t.sizes
-    fed, tangents = p * n_u * bool(np.any(t.D)), len(t.a)
-    test, loops, bounds = 2 * p * n, 2 * N * p, 2 * (N + 1) * n
-    root = Operations(tangents + STEPS, tangents + STEPS, tangents, STEPS)
-    twist = Operations(*(loops * (a + b) for a, b in zip(vars(root).values(), (n + n + p + 5, 2 * n + p + 9, 8, 0))))
-    moves = Operations((N + 1) * 2 * n * (n + n_u + p), (N + 1) * 2 * n * (n + n_u + p), 2 * bounds)
-    tests = Operations((N + 2) * test, (N + 2) * (test + 4 * p), (N + 2) * (p * n + 2 * p + n) + n)
-    rest = Operations(fed + N + 1, fed + 2 * N + 2 * N * p, 2 * N * p + N + 1 + 2 * n_u + 2 * p)
-    return twist + moves + tests + rest
+    tangents, loops, rows = len(t.a), 2 * N * p, 2 * (N + 1) * n
+    outputs = (5 * N + 2) * p  # bounds of an output, of which loops need one
+    seen = (N * (5 + 2 * n) + 2 + 2 * n) * p * n_u * bool(np.any(t.D))
+    sums = 2 * n * outputs + seen + rows * (n + n_u + p) + loops * p  # products, and the sums of them
+    return Operations(
+        multiply=sums + loops * (5 + tangents + STEPS) + N + 1,
+        add=sums + loops * (9 + tangents + STEPS) + 4 * p * (N + 2) + 2 * N,
+        compare=n * outputs + loops * (9 + tangents) + (N + 2) * (2 * p + n) + 2 * rows + 2 * N + n + 2 * n_u + 2 * p,
+        divide=loops * STEPS)

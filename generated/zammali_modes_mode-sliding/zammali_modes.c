@@ -105,7 +105,7 @@ static zammali_modes_real zammali_modes_clip(zammali_modes_real value, zammali_m
 }
 
 /*
- * The square root, from the smallest tangent on by Heron's steps.
+ * The square root of a number above h, from the smallest tangent on by Heron's steps.
  */
 static zammali_modes_real zammali_modes_root(zammali_modes_real value)
 {
@@ -121,18 +121,17 @@ static zammali_modes_real zammali_modes_root(zammali_modes_real value)
         3.4768856F,
         12.882565F,
     };
-    const zammali_modes_real square = (value < ZAMMALI_MODES_GROUND) ? ZAMMALI_MODES_GROUND : value;
-    zammali_modes_real root = (slope[0] * square) + offset[0];
+    zammali_modes_real root = (slope[0] * value) + offset[0];
 
     for (uint32_t k = 1U; k < ZAMMALI_MODES_TANGENTS; k++)
     {
-        const zammali_modes_real other = (slope[k] * square) + offset[k];
+        const zammali_modes_real other = (slope[k] * value) + offset[k];
 
         root = (other < root) ? other : root;
     }
     for (uint32_t k = 0U; k < ZAMMALI_MODES_HERON; k++)
     {
-        root = 0.5F * ((square / root) + root);
+        root = 0.5F * ((value / root) + root);
     }
     return root;
 }
@@ -280,7 +279,9 @@ static void zammali_modes_whole_range(zammali_modes_state *s)
 {
     for (uint32_t q = 0U; q < ZAMMALI_MODES_MODES; q++)
     {
-        zammali_modes_widen(&s->box_lo[q * ZAMMALI_MODES_NX], &s->box_hi[q * ZAMMALI_MODES_NX]);
+        const uint32_t at = q * ZAMMALI_MODES_NX;
+
+        zammali_modes_widen(&s->box_lo[at], &s->box_hi[at]);
     }
     zammali_modes_widen(s->shown_lo, s->shown_hi);
     s->fresh = ZAMMALI_MODES_EVERY;
@@ -662,12 +663,14 @@ static void zammali_modes_turn_hi(uint32_t q, zammali_modes_real z[ZAMMALI_MODES
  */
 static bool zammali_modes_pair(zammali_modes_state *s, const zammali_modes_in *in, uint32_t q)
 {
-    zammali_modes_real *const lo = &s->box_lo[q * ZAMMALI_MODES_NX];
-    zammali_modes_real *const hi = &s->box_hi[q * ZAMMALI_MODES_NX];
-    zammali_modes_real *const z_lo = &s->twist_lo[q * ZAMMALI_MODES_NY];
-    zammali_modes_real *const z_hi = &s->twist_hi[q * ZAMMALI_MODES_NY];
-    zammali_modes_real *const rate_lo = &s->rate_lo[q * ZAMMALI_MODES_NY];
-    zammali_modes_real *const rate_hi = &s->rate_hi[q * ZAMMALI_MODES_NY];
+    const uint32_t at = q * ZAMMALI_MODES_NX;
+    const uint32_t first = q * ZAMMALI_MODES_NY;
+    zammali_modes_real *const lo = &s->box_lo[at];
+    zammali_modes_real *const hi = &s->box_hi[at];
+    zammali_modes_real *const z_lo = &s->twist_lo[first];
+    zammali_modes_real *const z_hi = &s->twist_hi[first];
+    zammali_modes_real *const rate_lo = &s->rate_lo[first];
+    zammali_modes_real *const rate_hi = &s->rate_hi[first];
     const bool fresh = ((s->fresh >> q) & 1U) != 0U;
     zammali_modes_real r_lo[ZAMMALI_MODES_NY];
     zammali_modes_real r_hi[ZAMMALI_MODES_NY];

@@ -79,7 +79,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 196 bytes per instance; no heap, no static variables
- * step, predict: at most 268 multiplications, 18 divisions, 320 additions and 177 comparisons of real numbers
+ * step, predict: at most 304 multiplications, 18 divisions, 350 additions and 215 comparisons of real numbers
  */
 #ifndef ZAMMALI_MODES_H
 #define ZAMMALI_MODES_H
