@@ -1,4 +1,4 @@
-"""``mode-sliding``: the thesis's numbers by the printed condition, the corrected one certified, wrong constants caught."""
+"""``mode-sliding``: the thesis's numbers by the printed condition, the corrected one certified, tampering caught."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def test_the_right_pair_does_not_restart(design):
 
 
 def test_implicit_euler_does_not_chatter(design):
-    """With k1 = 2 sqrt k2 the step is at rest within |b| <= h; an explicit one cycles wherever |rate| < k1^2 tau / 4."""
+    """The livelock: at a detection every pair restarted in the thesis, the right one too. Here its test holds."""
     t = design.observer.tables["float64"]
     tau, k2 = float(t.period), float(t.turn / t.period)
     k1 = float(t.pull / t.period)
