@@ -170,7 +170,7 @@ def test_the_right_pair_does_not_restart(design):
 
 
 def test_implicit_euler_does_not_chatter(design):
-    """The livelock: at a detection every pair restarted in the thesis, the right one too. Here its test holds."""
+    """With k1 = 2 sqrt k2 the step rests within |b| <= h; an explicit one cycles where |rate| < k1^2 tau / 4."""
     t = design.observer.tables["float64"]
     tau, k2 = float(t.period), float(t.turn / t.period)
     k1 = float(t.pull / t.period)
