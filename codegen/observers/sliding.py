@@ -191,16 +191,9 @@ class SlidingObserver(Runner):
         for i, (M, L, d, K) in enumerate(sides):
             begun = seen[:, None] - affine(np.zeros(t.sizes[3], t.dtype), t.H, x[i])
             own = np.where(anew, begun, z[i])
-            moved, turned = np.zeros_like(x[i]), np.zeros_like(own)
-            common = np.zeros((len(step), *d.shape), t.dtype)
-            for q in range(t.sizes[0]):
-                common[:, q] = affine(affine(d[q], t.G[q], u), L[q], seen)
-                moved[:, q] = affine(common[:, q], M[q], x[i][:, q])
-                turned[:, q] = affine(own[:, q], -K[q], own[:, q]) + t.period * rate[i][:, q]
-            after = np.zeros_like(shown[i])
-            for q in range(t.sizes[0]):
-                here = decided == q
-                after[here] = affine(common[here, q], M[q], shown[i][here])
+            moved = carried((d, t.G, L, M), u[:, None], seen[:, None], x[i])
+            turned = summed(own, -K, own) + t.period * rate[i]
+            after = carried([part[decided] for part in (d, t.G, L, M)], u, seen, shown[i])
             self.x[i] = np.where(put, cut(moved, t.limit), self.x[i])
             self.z[i] = np.where(put, cut(turned, t.z_limit), self.z[i])
             self.rate[i] = np.where(put, rate[i], self.rate[i])
@@ -246,6 +239,20 @@ def tested(t: SlidingTables, x: list[Array], seen: Array) -> tuple[Array, Array]
     """Bounds of what s may be, minus s, by signs of C."""
     below, above = image(t.H, x[0], x[1], np.zeros((*x[0].shape[:-1], t.sizes[3]), t.dtype))
     return (below + t.v_lo) - seen, (above + t.v_hi) - seen
+
+
+def summed(base: Array, A: Array, x: Array) -> Array:
+    """Return base + A x, each product and sum rounded: (..., r), (..., r, n), (..., n) -> (..., r)."""
+    total = base
+    for k in range(A.shape[-1]):
+        total = total + A[..., k] * x[..., k, None]
+    return total
+
+
+def carried(parts, u: Array, seen: Array, x: Array) -> Array:
+    """A bound at the next sample, d + G u + L s + M x for ``parts`` d, G, L, M."""
+    d, G, L, M = parts
+    return summed(summed(summed(d, G, u), L, seen), M, x)
 
 
 def ordered(x: list[Array]) -> Array:
