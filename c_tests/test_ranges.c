@@ -94,6 +94,8 @@ static int forgets(const T(state) *s)
 #include "sliding_ranges.h"
 #elif CASE_FILTER
 #include "filter_ranges.h"
+#elif CASE_POLYTOPIC
+#include "polytopic_ranges.h"
 #elif !CASE_POINT
 static int init_and_reset_boxes(void)
 {
@@ -274,7 +276,7 @@ static int framers_at_the_ends(void)
 }
 #endif
 
-#if !CASE_FILTER && !CASE_SLIDING
+#if !FOLLOWS && !CASE_SLIDING
 /* A measurement just on its bound is no fault; one a hair beyond it is. */
 static int edge_of_an_alarm(void)
 {

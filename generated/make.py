@@ -14,7 +14,8 @@ from codegen.plant.load import load
 HERE = Path(__file__).parent
 #: What is kept of an output folder; the rest is derived from it.
 KEEP = ("design.json", ".h", ".c", ".g", "resources.json")
-DESIGNS = (("cart", "tnl-interval"), ("emps", "tnl-interval"), ("farhat", "hinf-filter"), ("press", "tnl-interval"),
+DESIGNS = (("cart", "tnl-interval"), ("disc", "descriptor-uncertain"), ("emps", "tnl-interval"),
+           ("farhat", "hinf-filter"), ("press", "tnl-interval"),
            ("relay", "tnl-interval"), ("vehicle", "hinf-filter"),
            ("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"), ("buck", "tnl-interval-lpv"),
            ("chevet", "tnl-interval-lpv"), ("hoist", "tnl-interval-lpv"), ("lamouchi", "component-interval"),
@@ -26,6 +27,10 @@ DESIGNS = (("cart", "tnl-interval"), ("emps", "tnl-interval"), ("farhat", "hinf-
            ("zammali_trace", "ellipsoid"), ("zammali_zonotope", "zonotope"))
 #: Plants of the gallery whose firmware would have the shape of another's, with other numbers.
 LIKE_ANOTHER = ("lamouchi_detector", "zammali_lpv_ct2")
+#: Plants whose C calls <math.h>: the last bits of its answers are those of the machine, so that none are kept.
+WITH_LIBM = ("dlpv",)
+#: Methods whose C is that of another method of their family, with other numbers.
+SAME_C = ("descriptor-discrete", "descriptor-error", "hminus-hinf")
 
 
 def main() -> None:

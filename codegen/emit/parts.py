@@ -93,7 +93,7 @@ class Parts:
 
     ``header`` and ``self_test`` are templates, ``sets`` is the error set of a point observer, or what a filter or a
     mode estimator has in its place, or nothing; ``lengths`` are macros of sizes that are not those of x, u and y.
-    ``told``: the mode is an input; ``promises``: ``assured`` may be 1.
+    ``told``: the mode is an input.
     """
 
     noun: str
@@ -113,7 +113,6 @@ class Parts:
     sets: tuple[object, ...] = ()
     lengths: tuple[tuple[str, int], ...] = ()
     told: bool = True
-    promises: bool = True
 
 
 def assign(array: str, values: Array, real: str) -> tuple[str, ...]:

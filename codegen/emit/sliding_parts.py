@@ -99,7 +99,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
         state=state_layout(names, s, 1, numbers, reals, kept, words),
         out_fields=tuple(Field(*f) for f in out_fields(names)), operations=operations(t), cuts=(), start=(),
         whole_range=(), crossed=(), late=(), move=Move("", ""), sets=(view(t, names),),
-        lengths=(("NSHAPE", modes * n), ("NTWIST", modes * p)), told=False, promises=False)
+        lengths=(("NSHAPE", modes * n), ("NTWIST", modes * p)), told=False)
 
 
 def out_fields(names: Names) -> tuple[Member, ...]:

@@ -11,6 +11,8 @@ from .interval import IntervalObserver
 from .mode_observer import ModeObserver, ModeTrace
 from .mode_tables import ModeTables
 from .point import PointObserver, PointTables
+from .polytopic import PolytopicObserver, PolytopicTrace
+from .polytopic_tables import PolytopicTables
 from .runner import Runner
 from .schedule import ScheduleObserver, ScheduleTables
 from .sliding import SlidingObserver, SlidingTrace
@@ -24,11 +26,12 @@ from .zonotope import ZonotopeObserver, ZonotopeTables
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
             "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
-            "filter": FilterObserver, "mode": ModeObserver, "sliding": SlidingObserver}
+            "filter": FilterObserver, "mode": ModeObserver, "polytopic": PolytopicObserver, "sliding": SlidingObserver}
 
 __all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
            "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables",
            "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
+           "PolytopicObserver", "PolytopicTables", "PolytopicTrace",
            "Runner", "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables", "SlidingTrace",
            "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables", "Variation",
            "ZonotopeObserver", "ZonotopeTables"]

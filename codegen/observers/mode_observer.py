@@ -45,10 +45,9 @@ class ModeTrace(Trace):
         words = [np.zeros(shape, dtype=np.uint32) for _ in range(4)]
         return cls(*(getattr(own, name) for name in Trace.__dataclass_fields__), *words)
 
-    @property
-    def word_names(self) -> tuple[str, ...]:
-        """Names of the fields that other families do not have, in their order."""
-        return "mode", "mode_set", "settled_set", "age"
+    def words(self) -> list[Array]:
+        """The fields that other families do not have, in their order."""
+        return [self.mode, self.mode_set, self.settled_set, self.age]
 
 
 class ModeObserver(Runner):

@@ -28,8 +28,6 @@ class Runner:
     trace_class: type = Trace
     #: Whether ``assurance`` can read its C back.
     stated = True
-    #: Whether ``assured`` may be 1.
-    promises = True
 
     def __init__(self, tables: dict, supervision: Supervision):
         self.tables = tables

@@ -73,10 +73,9 @@ class SlidingTrace(Trace):
         words = [np.zeros(shape, dtype=np.uint32) for _ in range(4)]
         return cls(*(getattr(own, name) for name in Trace.__dataclass_fields__), *words)
 
-    @property
-    def word_names(self) -> tuple[str, ...]:
-        """Names of the fields that other families do not have, in their order."""
-        return "mode", "mode_set", "candidate", "age"
+    def words(self) -> list[Array]:
+        """The fields that other families do not have, in their order."""
+        return [self.mode, self.mode_set, self.candidate, self.age]
 
 
 class SlidingObserver(Runner):
@@ -85,7 +84,7 @@ class SlidingObserver(Runner):
     family = "sliding"
     tables_class = SlidingTables
     trace_class = SlidingTrace
-    stated = promises = False
+    stated = False
 
     @classmethod
     def initial(cls, x0_lo, x0_hi, shape: tuple[int, int], record: dict, dtype) -> list[Array | None]:
