@@ -139,8 +139,8 @@ def test_thresholds_of_all_channels_are_those_of_each(name, calls):
     assert np.array_equal(*np.split(every, 2, axis=2))
 
 
-FOLDERS = {m: f for m, e in METHODS.items() if not (e.framers or e.sets)
-           for f in sorted((Path(__file__).parents[2] / "generated").glob(f"*_{m}"))}  # committed: the plant has a design
+GENERATED = Path(__file__).parents[2] / "generated"  # a plant that has a committed folder has a design
+FOLDERS = {m: f for m, e in METHODS.items() if not (e.framers or e.sets) for f in sorted(GENERATED.glob(f"*_{m}"))}
 
 
 @pytest.mark.parametrize("method", FOLDERS)
