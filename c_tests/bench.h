@@ -45,6 +45,9 @@ static const T(real) x0_hi[] = CASE_X0_HI;
 #define CHECKED M(NY)
 #endif
 
+/* What a quiet answer says of its guarantee. */
+#define SURE ((CASE_SLIDING != 0) ? 0U : 1U)
+
 /* What y may be, minus the y that was measured; what an estimate may be, minus the estimate. */
 static inline T(real) r_least(const T(out) *out, uint32_t i)
 {
@@ -98,6 +101,9 @@ static inline uint32_t bit_of(uint32_t i)
 #if CASE_BOXES
     (void)i;
     return M(BIT_NO_MODE);
+#elif CASE_SLIDING
+    (void)i;
+    return M(BIT_TWICE);
 #else
     return (uint32_t)1U << i;
 #endif

@@ -54,7 +54,7 @@ static void any_inputs(T(in) *in)
     }
 }
 
-#if !CASE_POINT && !CASE_BOXES && !FOLLOWS
+#if !CASE_POINT && !CASE_BOXES && !FOLLOWS && !CASE_SLIDING
 static void any_box(T(real) *lo, T(real) *hi, const T(real) *least, const T(real) *most)
 {
     for (uint32_t i = 0U; i < M(NX); i++)
@@ -146,6 +146,8 @@ static void any_framers(T(state) *s)
     }
     s->decided = draw(M(MODES));
 }
+#elif CASE_SLIDING
+#include "sliding_states.h"
 #else
 static void any_framers(T(state) *s)
 {

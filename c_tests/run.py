@@ -53,16 +53,18 @@ def case(record: dict) -> str:
     flags = {"nu": record["n_u"], "ntheta": record["n_theta"], "latch": supervision["latch"],
              "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members,
              "polytopic": record["family"] == "polytopic", "holds_faults": "faults" in record,
-             "boxes": "box_lo" in members, "has_origin": "origin" in members, "has_shape": "shape" in members,
+             "boxes": "alive" in members, "sliding": "level" in members,
+             "has_origin": "origin" in members, "has_shape": "shape" in members,
              "square_shape": record["family"].startswith("ellipsoid"), "signed_shape": record["family"] != "box",
              "told": "mode" in {name for name, _, _ in record["in"]},
              "has_z": "z_lo" in members, "has_mode": "mode" in members, "counts_hold": "hold" in members}
     values |= {f"CASE_{name.upper()}": f"{value}U" for name, value in numbers.items()}
     values |= {f"CASE_{name.upper()}": f"{int(value)}" for name, value in flags.items()}
-    counts = [name for name in COUNTS if name in members and not flags["filter"] and not flags["polytopic"]]
     values["CASE_LAW"] = f"{int('law' in record)}"
     values |= {f"CASE_{name.upper()}": "{ " + ", ".join(f"{v!r}{suffix}" for v in row) + " }"
                for name, row in record.get("law", {}).items()}
+    apart = flags["filter"] or flags["sliding"] or flags["polytopic"]
+    counts = [name for name in COUNTS if name in members and not apart]
     if flags["polytopic"]:
         values[f"{record['macro']}_MODES"] = "1U"
     if counts:

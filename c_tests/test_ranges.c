@@ -90,6 +90,8 @@ static int forgets(const T(state) *s)
 
 #if CASE_BOXES
 #include "ranges_of_boxes.h"
+#elif CASE_SLIDING
+#include "sliding_ranges.h"
 #elif CASE_FILTER
 #include "filter_ranges.h"
 #elif CASE_POLYTOPIC
@@ -274,7 +276,7 @@ static int framers_at_the_ends(void)
 }
 #endif
 
-#if !FOLLOWS
+#if !FOLLOWS && !CASE_SLIDING
 /* A measurement just on its bound is no fault; one a hair beyond it is. */
 static int edge_of_an_alarm(void)
 {

@@ -20,7 +20,7 @@ from .designs import Design
 from .emit.package import generate
 from .emit.render import template_root
 from .errors import CertificateError, DesignError, EmitError, ToolError
-from .observers import ModeTables
+from .observers import ModeTables, SlidingTables
 from .pipeline import design, silent
 from .plant.model import Plant
 from .synthesis import METHODS, SETS, known_options
@@ -239,6 +239,8 @@ def dwell_of(made: Design) -> float:
     cert, t = made.certificate[made.plant.target.real], made.observer.tables[made.plant.target.real]
     if isinstance(t, ModeTables):
         return float(t.ages + 1)
+    if isinstance(t, SlidingTables):
+        return float(t.dwell)
     if cert["kind"] == "filter":
         return cert["dwell_add"] / cert["dwell_drain"] if cert["dwell_add"] else 0.0
     table = getattr(getattr(t, "shape", None), "dwell", 1)

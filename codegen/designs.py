@@ -10,11 +10,20 @@ from typing import Any
 
 from . import __version__, filter_designs, polytopic_designs, tracking_designs
 from .analysis.detectability import surely_detected
-from .certify import mode_certificate, set_claims
+from .certify import mode_certificate, set_claims, sliding_claims
 from .certify.claims import check, check_monitor, check_ranges, digest
 from .certify.freeze import limits
 from .errors import CertificateError, PlantError, ResiduaError
-from .observers import FAMILIES, FilterTables, ModeTables, PointTables, PolytopicTables, Runner, Supervision
+from .observers import (
+    FAMILIES,
+    FilterTables,
+    ModeTables,
+    PointTables,
+    PolytopicTables,
+    Runner,
+    SlidingTables,
+    Supervision,
+)
 from .plant.load import loads
 from .plant.model import Plant
 
@@ -180,6 +189,8 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
     """
     if isinstance(t, ModeTables):
         return mode_certificate.check(plant, t, cert)
+    if isinstance(t, SlidingTables):
+        return sliding_claims.check(plant, t, cert)
     if isinstance(t, FilterTables):
         return filter_designs.check(plant, t, cert)
     if isinstance(t, PolytopicTables):
@@ -218,7 +229,7 @@ def recheck(design: Design) -> dict[str, list[str]]:
         check_monitor(design.observer.supervision, cert)
         if proved[real] != design.proved[real]:
             raise CertificateError(f"certificate: the {real} claims of the file are not what is proved. Design again.")
-        if not isinstance(t, ModeTables):  # which promises to find no fault
+        if not isinstance(t, ModeTables | SlidingTables):  # which promise to find no fault
             _recheck_detection(plant, t, cert, design.detection[real])
     return proved
 

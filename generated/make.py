@@ -23,7 +23,8 @@ DESIGNS = (("cart", "tnl-interval"), ("digester", "descriptor-fault-estimation")
            ("lamouchi_coordinates", "component-interval"), ("motor", "tnl-interval-lpv"),
            ("zammali_blocks", "zonotope"), ("zammali_box", "ellipsoid"), ("zammali_dwell", "zonotope"),
            ("zammali_ellipsoid", "ellipsoid"), ("zammali_lpv_ct1", "lpv-interval"), ("zammali_lpv_dt", "lpv-interval"),
-           ("zammali_lpv_quadratic", "lpv-interval"), ("zammali_modes", "mode-set"), ("zammali_schedule", "ellipsoid"),
+           ("zammali_lpv_quadratic", "lpv-interval"), ("zammali_modes", "mode-set"), ("zammali_modes", "mode-sliding"),
+           ("zammali_schedule", "ellipsoid"),
            ("zammali_trace", "ellipsoid"), ("zammali_zonotope", "zonotope"))
 #: Plants of the gallery whose firmware would have the shape of another's, with other numbers.
 LIKE_ANOTHER = ("lamouchi_detector", "zammali_lpv_ct2")

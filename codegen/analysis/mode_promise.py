@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..observers import ModeTrace, SlidingTrace
+
 Array = np.ndarray
 
 
@@ -19,9 +21,28 @@ def dropped(truth, trace) -> Array:
     -------
     ndarray (K,) bool
     """
-    if not hasattr(trace, "mode_set") or np.isnan(truth.x).all():  # of a record nobody knows
+    if not isinstance(trace, ModeTrace) or np.isnan(truth.x).all():  # of a record nobody knows
         return np.zeros(len(truth.q), dtype=bool)
     return (trace.mode_set.astype(np.int64) >> truth.q) & 1 == 0
+
+
+def unbound(truth, trace) -> Array:
+    """Samples at which bounds of x are not promised: where they are those of a mode that was not always the true one.
+
+    Parameters
+    ----------
+    truth : PlantTrace
+    trace : Trace or SlidingTrace
+
+    Returns
+    -------
+    ndarray (K,) bool
+    """
+    out = np.zeros(len(truth.q), dtype=bool)
+    if isinstance(trace, SlidingTrace):
+        for k, age in enumerate(trace.age.astype(int)):
+            out[k] = np.any(truth.q[max(k - age, 0):k + 1] != trace.mode[k])
+    return out
 
 
 def late(cert: dict, truth, trace, settled: Array) -> int:

@@ -173,6 +173,8 @@ def bits(y: tuple[Channel, ...], shared: bool) -> tuple[Bit, ...]:
 
 #: What a fault spoils in a fault estimation filter: they go on while it is seen.
 FILTERS = "filter bounds"
+#: And in a mode estimator that promises nothing.
+PAIRS = "pairs of bounds"
 
 
 def alarm(s, prefix: str, noun: str) -> tuple[str, ...]:
@@ -183,6 +185,10 @@ def alarm(s, prefix: str, noun: str) -> tuple[str, ...]:
             f"an alarm is {m} samples outside their bounds among the last {n} measured ones")
     keep = (f"Once raised, a bit stays in out->latched until {prefix}_reset." if s.latch else
             "out->latched repeats out->alarm, and keeps it over predict.")
+    if noun == PAIRS:
+        again = f"all pairs begin anew at the first sample without it, or after {max(s.recover, 1)} with it"
+        return paragraph(f"Debounce, where a sample with a bit in out->raw is one outside its bounds: {rule}. {keep} "
+                         f"After it {again}. That a fault leads to an alarm is not promised.")
     text = (f"Debounce: {rule}. {keep} {noun.capitalize()} that have met a fault are worthless: they restart from the "
             f"declared ranges at the first sample within bounds{far}. "
             + ("assured is never set: the thresholds are calibrated." if not s.assures else

@@ -15,6 +15,8 @@ from .polytopic import PolytopicObserver, PolytopicTrace
 from .polytopic_tables import PolytopicTables
 from .runner import Runner
 from .schedule import ScheduleObserver, ScheduleTables
+from .sliding import SlidingObserver, SlidingTrace
+from .sliding_tables import SlidingTables
 from .supervisor import Supervision
 from .thresholds import ThresholdObserver, ThresholdTables
 from .tnl import TnlObserver
@@ -24,11 +26,12 @@ from .zonotope import ZonotopeObserver, ZonotopeTables
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
             "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
-            "filter": FilterObserver, "mode": ModeObserver, "polytopic": PolytopicObserver}
+            "filter": FilterObserver, "mode": ModeObserver, "polytopic": PolytopicObserver, "sliding": SlidingObserver}
 
 __all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
            "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables",
            "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
            "PolytopicObserver", "PolytopicTables", "PolytopicTrace",
-           "Runner", "ScheduleObserver", "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables",
-           "TnlObserver", "Trace", "TraceTables", "Variation", "ZonotopeObserver", "ZonotopeTables"]
+           "Runner", "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables", "SlidingTrace",
+           "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables", "Variation",
+           "ZonotopeObserver", "ZonotopeTables"]

@@ -10,7 +10,7 @@ import numpy as np
 from ..analysis.detectability import limited, ultimate_errors
 from ..certify.claims import ultimate_width
 from ..observers import FilterTables, PointTables, PolytopicTables
-from . import filter_words, mode_words, parameter_words, polytopic_words, words
+from . import filter_words, mode_words, parameter_words, polytopic_words, sliding_words, words
 from .plant_words import reach
 from .table import Cell, Fact, Folded, Row, Table, table
 
@@ -68,6 +68,8 @@ def proved_switching(cert: dict) -> str:
     """Say for which switching the certificate's level holds."""
     if cert["kind"] == "mode":
         return mode_words.switching(cert)
+    if cert["kind"] == "sliding":
+        return sliding_words.switching(cert)
     if cert["kind"] == "polytopic":
         return "any weights of the vertices, as they move with the state and as the estimate takes them"
     if cert["kind"] == "filter" and cert["dwell_add"]:
@@ -92,6 +94,8 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
     tried = words.count(len(design.choice), "certified design")
     if "gains" in design.options:
         why = "the gains were given in the plant file; they were certified, not chosen"
+    elif design.certificate[real]["kind"] == "sliding":
+        why = sliding_words.CRITERION
     elif design.certificate[real]["kind"] == "mode":
         why = "there is nothing to choose but how many ages are told apart: the fewest that can be certified"
     elif is_polytopic(design, real):
@@ -159,6 +163,8 @@ def settled_width(design, real: str) -> np.ndarray | None:
 def _bounds(design, real: str) -> tuple[Table, ...]:
     if is_filter(design, real):
         return filter_words.tables(design, real)
+    if is_unproved(design, real):
+        return sliding_words.tables(design, real)
     if is_polytopic(design, real):
         return polytopic_words.tables(design, real)
     width = settled_width(design, real)
@@ -218,7 +224,7 @@ def _not_guaranteed(design, real: str) -> tuple[str, ...]:
     debounce, point = design.observer.supervision.debounce, is_point(design, real)
     items = ["That a fault below the thresholds is found. It may be, or may not.",
              *(_FILTER_LIMITS if is_filter(design, real) else polytopic_words.LIMITS if is_polytopic(design, real)
-               else _limits(design, point)),
+               else sliding_words.NOT_GUARANTEED if is_unproved(design, real) else _limits(design, point)),
              "Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
              "with the observer settled before it.", *parameter_words.not_guaranteed(design.plant)]
     if debounce != (1, 1):
@@ -232,6 +238,11 @@ def _not_guaranteed(design, real: str) -> tuple[str, ...]:
 def is_filter(design, real: str) -> bool:
     """Whether the firmware estimates faults, without bounds of the state."""
     return isinstance(design.observer.tables[real], FilterTables)
+
+
+def is_unproved(design, real: str) -> bool:
+    """Whether the firmware decides for a mode of which nothing is proved."""
+    return design.certificate[real]["kind"] == "sliding"
 
 
 def is_polytopic(design, real: str) -> bool:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
-from ..observers import FilterTables, ModeTables, PointTables, PolytopicTables
-from . import filter_words, mode_words, point_words, polytopic_words, words
+from ..observers import FilterTables, ModeTables, PointTables, PolytopicTables, SlidingTables
+from . import filter_words, mode_words, point_words, polytopic_words, sliding_words, words
 from .table import Fact, Folded, Link, Table, table
 
 FILES = {
@@ -95,6 +95,8 @@ def gains(design, real: str) -> tuple[Folded, ...]:
     t, plant = design.observer.tables[real], design.plant
     if isinstance(t, ModeTables):
         return mode_words.gains(design, real, _matrix)
+    if isinstance(t, SlidingTables):
+        return sliding_words.gains(design, real, _matrix)
     if isinstance(t, FilterTables):
         return filter_words.gains(design, real, _matrix)
     if isinstance(t, PolytopicTables):

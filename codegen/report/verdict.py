@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..analysis.validate import Outcome
 from . import firmware_words, outcome_words, words
-from .design_words import bounds_states, is_filter, is_polytopic
+from .design_words import bounds_states, is_filter, is_polytopic, is_unproved
 from .table import Fact
 
 
@@ -53,7 +53,9 @@ def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict
              f"{words.count(chance, 'sample')} with an alarm without a fault, as calibrated thresholds allow"
              if chance else "no false alarm"]
     if simulated and bounds_states(design, real):
-        parts.insert(1, f"no true state outside its bounds ({words.count(len(simulated), 'simulated scenario')})")
+        right = " while the decision was right" if is_unproved(design, real) else ""
+        parts.insert(1, f"no true state outside its bounds{right} "
+                     f"({words.count(len(simulated), 'simulated scenario')})")
     text = f"In {words.count(len(outcomes), 'scenario')} with {words.count(samples, 'sample')}: {words.listed(parts)}."
     if injected:
         text += f" {len(found)} of {words.count(injected, 'fault')} found; none was later than promised."
@@ -80,6 +82,10 @@ def purpose(design) -> str:
                 "where the estimate exceeds thresholds that were calibrated by simulation")
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
                 f"reads {outputs}, answers with an estimate of {faults}, and raises an alarm {when}.")
+    if is_unproved(design, plant.target.real):
+        modes = words.listed(m.name for m in plant.modes)
+        return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
+                f"reads {outputs} and decides which of the modes {modes} is active, without a guarantee.")
     states = words.listed(s.name for s in plant.x)
     if is_polytopic(design, plant.target.real):
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "

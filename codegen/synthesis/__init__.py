@@ -17,6 +17,7 @@ from . import (
     interval,
     lpv_interval,
     mode_set,
+    mode_sliding,
     tnl_interval,
     tnl_interval_lpv,
     tracking,
@@ -63,7 +64,7 @@ class Method:
     @property
     def estimates_mode(self) -> bool:
         """Whether it finds the mode that other observers are told."""
-        return self.family == "mode"
+        return self.family in ("mode", "sliding")
 
     @property
     def tnl(self) -> bool:
@@ -118,6 +119,8 @@ METHODS = {
                        "Lopez-Estrada (2014), Theorems C.1.1, C.1.2", tracking, automatic=False),
     "mode-set": Method(("continuous switched, mode unknown",), "mode", "the modes that are still possible",
                        "own; task of Zammali (2020), chapter 4", mode_set, automatic=False),
+    "mode-sliding": Method(("continuous switched, mode unknown",), "sliding", "the mode by super-twisting, unproved",
+                           "Zammali (2020), Theorem 12", mode_sliding, automatic=False),
 }
 #: Options of every method with an error set.
 SETS = {"set": ("zonotope", "ellipsoid", "interval"), "order": (2, 200),

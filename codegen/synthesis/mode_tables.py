@@ -242,7 +242,7 @@ def tables_of(tables_class, plant, ages: int, real: str = "float64", S: Array | 
         ctx.prec = before
 
 
-def check(plant) -> None:
+def check(plant, method: str = "mode-set") -> None:
     """Refuse a plant that the estimator does not take, saying why.
 
     Raises
@@ -251,20 +251,20 @@ def check(plant) -> None:
     """
     first = plant.modes[0]
     if plant.kind != "continuous" or plant.theta:
-        raise DesignError(f"{plant.name}: mode-set needs a continuous plant without parameters (found "
+        raise DesignError(f"{plant.name}: {method} needs a continuous plant without parameters (found "
                           f"{plant.kind}, {len(plant.theta)} parameters): the switch falls inside a period. State the "
                           "plant in continuous time; bound a parameter by w.")
     for m in plant.modes[1:]:
         for name in ("C", "D", "Dv", "v_lo", "v_hi"):
             if not np.array_equal(getattr(m, name), getattr(first, name)):
-                raise DesignError(f'{plant.name}: mode-set needs {name} common to all modes (mode "{m.name}" has '
+                raise DesignError(f'{plant.name}: {method} needs {name} common to all modes (mode "{m.name}" has '
                                   "its own). Widen the noise to cover both.")
     for vector in "xuy":
         for s in getattr(plant, vector):
             if not np.isfinite(s.lo) or not np.isfinite(s.hi):
-                raise DesignError(f'{plant.name}: mode-set needs a range of "{s.name}" in signals.{vector}. Add it.')
+                raise DesignError(f'{plant.name}: {method} needs a range of "{s.name}" in signals.{vector}. Add it.')
     if any(np.isfinite(s.rate) and s.rate > 0 for s in plant.u):
-        raise DesignError(f"{plant.name}: mode-set needs inputs held between samples (found a rate).")
+        raise DesignError(f"{plant.name}: {method} needs inputs held between samples (found a rate).")
 
 
 def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array):

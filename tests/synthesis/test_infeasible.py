@@ -12,6 +12,7 @@ from codegen.observers import FramerTables
 from codegen.plant.load import load, loads
 from codegen.plant.simulate import range_violations, simulate
 from codegen.select import choose, limits
+from codegen.synthesis import METHODS
 from codegen.synthesis.problem import Problem
 from codegen.synthesis.structure import best_row, obstruction, unseen_growth
 
@@ -95,9 +96,7 @@ CASES = {
         'the new input. Use method "interval".'),
     "unknown method": (
         GOOD, "sliding", {},
-        'base: observer.method is "sliding", expected one of interval, tnl-interval, lpv-interval, '
-        "tnl-interval-lpv, component-interval, zonotope, ellipsoid, hinf-filter, "
-        "descriptor-uncertain, descriptor-error, descriptor-discrete, hminus-hinf, tracking, mode-set."),
+        f'base: observer.method is "sliding", expected one of {", ".join(METHODS)}.'),
     "unknown option": (
         GOOD, "interval", {"lamda": 0.5},
         "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, lambda, contraction, "

@@ -1,0 +1,56 @@
+/*
+ * What test_supervisor.c plants in mode estimators: boxes, or spans of time in which modes are refuted.
+ */
+
+#if CASE_BOXES
+/* Boxes around everything (0), or far off on either side (1, 2), or narrow ones of some ages anywhere (3). */
+static void plant(bench *b, uint32_t what)
+{
+    T(state) whole;
+
+    T(reset)(&whole);
+    for (uint32_t q = 0U; q < M(MODES); q++)
+    {
+        b->s.alive[q] = (what == 3U) ? (1U + draw(whole.alive[q])) : whole.alive[q];
+    }
+    for (uint32_t i = 0U; i < M(NSHAPE); i++)
+    {
+        const T(real) far = (x_hi[0] - x_lo[0]) * ((what == 1U) ? 1000000 : -1000000);
+        const T(real) part = (x_hi[0] - x_lo[0]) * ((T(real))draw(4000U) / 1000);
+
+        b->s.box_lo[i] = (what == 0U) ? whole.box_lo[i] : ((what == 3U) ? (part - (x_hi[0] - x_lo[0])) : far);
+        b->s.box_hi[i] = (what == 0U) ? whole.box_hi[i] : ((what == 3U) ? (b->s.box_lo[i] + (part / 100)) : far);
+    }
+}
+#else
+/* No mode refuted (0), every one in two spans of time (1, 2), or any spans, with pairs anywhere (3). */
+static void plant(bench *b, uint32_t what)
+{
+    b->s.refuted = (what == 0U) ? 0U : ((what == 3U) ? draw(M(EVERY) + 1U) : M(EVERY));
+    b->s.armed = (what == 3U) ? draw(M(EVERY) + 1U) : 0U;
+    b->s.last = (what == 3U) ? draw(M(DWELL) + 1U) : ((what == 0U) ? 0U : what);
+    b->s.since = (what == 3U) ? draw(M(DWELL)) : 0U;
+    for (uint32_t i = 0U; (what == 3U) && (i < M(NSHAPE)); i++)
+    {
+        const T(real) size = x_hi[i % M(NX)] - x_lo[i % M(NX)];
+
+        b->s.box_lo[i] = x_lo[i % M(NX)] + ((size / 1000) * (T(real))draw(1000U));
+        b->s.box_hi[i] = b->s.box_lo[i] + ((size / 1000) * (T(real))draw(1000U));
+    }
+}
+
+/* The alarm that spans of time ask for, by the state before a sample and the modes that it refutes. */
+static uint32_t twice(const T(state) *before, const T(out) *out)
+{
+    const uint32_t since = before->since + 1U;
+    uint32_t all = 1U;
+
+    for (uint32_t q = 0U; q < M(MODES); q++)
+    {
+        const uint32_t now = ((before->armed >> q) & 1U) & (((out->mode_set >> q) & 1U) ^ 1U);
+
+        all &= ((before->refuted >> q) & 1U) | now;
+    }
+    return ((all != 0U) && (before->last != 0U) && ((before->last + since) <= M(DWELL))) ? M(BIT_TWICE) : 0U;
+}
+#endif

@@ -1,0 +1,93 @@
+"""A mode estimator by sliding modes in words: what was measured of its decision, and the constants that the C holds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import words
+from .table import Cell, Folded, Table, table
+
+CRITERION = ("least levels of Theorem 12 within the limit of the gains; the levels do not say how well modes are told "
+             "apart")
+NOT_GUARANTEED = (
+    "The mode. The decision is right most of the time in the cases measured, and may be wrong in any other; “assured” "
+    "is 0 at every sample.",
+    "The state bounds while the decision is not that of the true mode: after a switch that is not noticed yet they "
+    "may be those of the old mode.",
+    "That a fault raises the alarm. Without one there is no alarm as long as the mode keeps its dwell time; a fault "
+    "may well pass for a mode.")
+
+
+def tables(design, real: str) -> tuple[Table, ...]:
+    """Tabulate what was measured over noise and period, and what is proved of the widths.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+
+    Returns
+    -------
+    tuple of Table
+    """
+    cert, plant = design.certificate[real], design.plant
+    rows = []
+    for c in cert["measured"]:
+        longest = Cell("not before the next switch", "num warn") if c["missed"] else Cell(_time(c["longest"]), "num")
+        rows.append((words.seconds(c["period"]), f"{c['noise']:g}", words.integer(c["switches"]), _time(c["median"]),
+                     longest, Cell(words.integer(c["missed"]), "num warn" if c["missed"] else "num"),
+                     words.share(c["wrong"], 1)))
+    head = ("sampling period", "#noise, of the declared", "#switches", "#median delay", "#longest delay",
+            "#switches missed", "#samples with a wrong mode")
+    notes = ("Measured, not proved: the reference was run over random switching, at any instant, one to two and a half "
+             "dwell times apart, disturbances at their bounds, uniform noise; the same gains at each period. A delay "
+             "lasts until the mode is right for good. Other inputs, faults or switching may do worse.",)
+    measured = table("How soon the decision is right, and how often wrong: as measured", head, rows, notes)
+    width = [(m.name, *(words.at_most(a + b) for a, b in zip(*e))) for m, e in zip(plant.modes, cert["errors"])]
+    notes = ("Approached while the mode is the true one and stays; from a detection until the mode is taken up "
+             f"({words.delay(cert['blank'] + 1, plant.sample_period)}) the bounds are the declared range.",)
+    head = ("mode", *(f"#{s.name}" for s in plant.x))
+    return measured, table("How wide the bounds become, proved", head, width, notes)
+
+
+def _time(seconds: float | None) -> str:
+    """A delay; the sign for none where there is no number."""
+    return words.NONE if seconds is None else words.milliseconds(seconds)
+
+
+def switching(cert: dict) -> str:
+    """Say for which switching something is proved."""
+    return ("a mode that nobody tells, switching at any instant: nothing of the decision; the alarm, for switches at "
+            f"least {cert['dwell']} samples apart; the bounds, while the decision is right")
+
+
+def gains(design, real: str, matrix) -> tuple[Folded, ...]:
+    """Tabulate the constants that the C holds, exactly, one fold per mode.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+    matrix : callable
+        (title, row names, column names, values) -> Table.
+
+    Returns
+    -------
+    tuple of Folded
+    """
+    t, plant, cert = design.observer.tables[real], design.plant, design.certificate[real]
+    x, u, y = ([s.name for s in getattr(plant, vector)] for vector in "xuy")
+    folds = []
+    for q, mode in enumerate(plant.modes):
+        found = [matrix("G: inputs over a period", x, u, t.G[q])] * bool(u)
+        for side, name in (("hi", "upper"), ("lo", "lower")):
+            M, L, d = (getattr(t, f"{k}_{side}")[q] for k in "MLd")
+            found += [matrix(f"M of the {name} bounds", x, x, M),
+                      matrix(f"L of the {name} bounds held for a period, its origin in continuous time, d", x,
+                             [*y, *(f"{s} (continuous)" for s in y), "d"],
+                             np.column_stack([L, np.array(cert[f"L_{side}"][q]), d]))]
+        folds.append(Folded(f"Mode {q}, “{mode.name}”", tuple(found)))
+    noise = matrix("Bounds of y - D u - C x", y, ["v_lo", "v_hi"], np.stack([t.v_lo, t.v_hi], axis=1))
+    loops = matrix("Loops and decision", ["value"], ["tau k2", "tau k1", "smooth", "share", "blank", "dwell"],
+                   np.array([[t.turn, t.pull, t.smooth, t.share, t.blank, t.dwell]], dtype=float))
+    return (*folds, Folded("Noise, loops and decision", (noise, loops)))

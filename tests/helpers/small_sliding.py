@@ -1,0 +1,32 @@
+"""Stand-ins of mode estimators by sliding modes: the small plants of ``small_modes``, gains found, nothing measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+from codegen.designs import Design
+from codegen.observers import SlidingObserver, SlidingTables, Supervision
+from codegen.synthesis.mode_sliding import settings, theorem12
+from codegen.synthesis.sliding_tables import tables_of
+
+from .small_modes import plant
+
+
+@lru_cache
+def tables(name: str, real: str) -> SlidingTables:
+    """Tables of one of the small plants."""
+    p = plant(name)
+    chosen = settings(p, {})
+    found = theorem12([m.A for m in p.modes], p.modes[0].C, chosen["limit"], second=False)
+    return tables_of(SlidingTables, p, found, chosen, real)
+
+
+def stand_in(name: str = "one input", supervision=None, prefix: str = "") -> Design:
+    """A design whose certificate has nothing in it."""
+    p = plant(name)
+    p = replace(p, target=replace(p.target, prefix=prefix or p.target.prefix))
+    made = {real: tables(name, real) for real in ("float32", "float64")}
+    return Design(p, "mode-sliding", SlidingObserver(made, replace(supervision or Supervision(), assures=False)),
+                  {real: {"kind": "sliding"} for real in made}, {real: ["own words"] for real in made},
+                  {real: [] for real in made})
