@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import CertificateError
 from .mode_claims import Claims
-from .mode_enclosure import check_enclosure
+from .mode_steps import check_enclosure
 
 Array = np.ndarray
 

@@ -3,6 +3,7 @@
 from .blocks import BlockObserver, BlockTables
 from .box import BoxObserver, BoxTables
 from .coordinates import Coordinates
+from .driven import DrivenObserver, DrivenTables
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
 from .ellipsoid_trace import EllipsoidTraceObserver, TraceTables
 from .filter import FilterObserver, FilterTables
@@ -22,10 +23,11 @@ from .zonotope import ZonotopeObserver, ZonotopeTables
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
             "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
-            "filter": FilterObserver, "mode": ModeObserver}
+            "filter": FilterObserver, "mode": ModeObserver, "driven": DrivenObserver}
 
-__all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
-           "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables",
-           "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
-           "Runner", "ScheduleObserver", "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables",
-           "TnlObserver", "Trace", "TraceTables", "Variation", "ZonotopeObserver", "ZonotopeTables"]
+__all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "DrivenObserver",
+           "DrivenTables", "EllipsoidObserver", "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver",
+           "FilterTables", "FilterTrace", "FramerTables", "IntervalObserver", "ModeObserver", "ModeTables",
+           "ModeTrace", "PointObserver", "PointTables", "PointTrace", "Runner", "ScheduleObserver", "ScheduleTables",
+           "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables", "Variation",
+           "ZonotopeObserver", "ZonotopeTables"]

@@ -1,0 +1,78 @@
+"""Certificate of framers that are driven by a mode estimator: both proofs, and what joins them.
+
+The framers' certificate is that of an observer that is told its mode: a step of mode q carries every state of a box.
+The estimator's is ``mode_certificate``. Beside them the framers of all modes must answer to one measurement (C and D
+common), and accept what the estimator accepts; why the two together hold the state is in ``observers.driven``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import CertificateError
+from . import mode_certificate
+from .claims import check as check_framers
+from .claims import check_ranges
+
+Array = np.ndarray
+
+
+def check(plant, modes, t, cert: dict) -> list[str]:
+    """Re-check a certificate; return what is proved, one sentence per claim.
+
+    Parameters
+    ----------
+    plant : Plant
+        Without parameters (``plant.bounded``): what the estimator sees.
+    modes : sequence
+        Modes that the framers see, with parameters.
+    t : DrivenTables
+    cert : dict
+        That of the estimator, with that of the framers as "told".
+
+    Returns
+    -------
+    list of str
+
+    Raises
+    ------
+    CertificateError
+    """
+    told = t.told
+    check_joint(t)
+    check_ranges({"x": plant.limits("x"), "x0": (plant.x0_lo, plant.x0_hi)}, told)
+    check_framers(modes, told, cert["told"])
+    first, *others = mode_certificate.check(plant, t, cert)
+    return [first,
+            "framers are kept for every mode that is possible, with nonnegative step matrices or opposite bounds where "
+            "they are negative; the framers of a mode hold the state for as long as it is the true one: what rounded "
+            "constants, inputs and sums may lose is in their offsets, and a switch within a period is in the boxes "
+            "from which they start" if plant.kind == "continuous" else
+            "framers are kept for every mode that is possible; the framers of a mode hold the state for as long as it "
+            "is the true one: what rounded constants, inputs and sums may lose is in their offsets",
+            "no switching makes the bounds grow without end: they are cut to the boxes of the mode estimator at every "
+            "sample",
+            *others]
+
+
+def check_joint(t) -> None:
+    """Check what the framers and the estimator must share.
+
+    Raises
+    ------
+    CertificateError
+        Naming what differs.
+    """
+    told = t.told
+    if told.change is not None or (told.vary is not None and told.vary.late):
+        raise CertificateError("certificate: framers in other coordinates or for modes told late, expected neither.")
+    for name in ("C", "D", "c_lo", "c_hi"):
+        if np.any(getattr(told, name) != getattr(told, name)[:1]):
+            raise CertificateError(f"certificate: {name} of the framers differs between modes, expected one for all.")
+    for name, sign in (("u_lo", 1), ("u_hi", -1), ("y_lo", 1), ("y_hi", -1)):
+        if np.any(sign * getattr(t, name) < sign * getattr(told, name)):
+            raise CertificateError(f"certificate: {name} is beyond what the framers accept.")
+    if np.any(t.x_lo < told.x_lo) or np.any(t.x_hi > told.x_hi) or np.any(np.abs([t.x_lo, t.x_hi]) > told.box):
+        raise CertificateError("certificate: the ranges of x are wider than those of the framers.")
+    if told.vary is not None and any(np.any(b != b[:1]) for b in (told.vary.theta_lo, told.vary.theta_hi)):
+        raise CertificateError("certificate: bounds of parameters differ between modes, expected one for all.")
