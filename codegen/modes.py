@@ -12,6 +12,7 @@ from .observers import FAMILIES, DrivenTables, ModeTables, Supervision
 from .plant.bounded import bounded
 from .plant.model import Plant
 from .synthesis import METHODS
+from .synthesis.driven_tables import joined
 from .synthesis.mode_set import HORIZON, OLDEST
 from .synthesis.mode_tables import tables_of
 
@@ -115,7 +116,7 @@ def driven(plant: Plant, name: str, told: dict, proofs: dict, choice: list, opti
                           'framers are joined in x; expected "none".')
     tables, certs = both(plant, options, lambda text: progress(f"{name}: {text}"))
     shared = [real for real in tables if real in told]
-    return assembled(plant, name, "driven", {r: DrivenTables.joined(tables[r], told[r]) for r in shared},
+    return assembled(plant, name, "driven", {r: joined(DrivenTables, tables[r], told[r]) for r in shared},
                      {r: certs[r] | {"told": proofs[r]} for r in shared}, choice, options)
 
 

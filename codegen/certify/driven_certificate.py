@@ -8,11 +8,13 @@ common), and accept what the estimator accepts; why the two together hold the st
 from __future__ import annotations
 
 import numpy as np
+from flint import fmpq
 
 from ..errors import CertificateError
 from . import mode_certificate
 from .claims import check as check_framers
 from .claims import check_ranges
+from .exact import Q
 
 Array = np.ndarray
 
@@ -74,5 +76,26 @@ def check_joint(t) -> None:
             raise CertificateError(f"certificate: {name} is beyond what the framers accept.")
     if np.any(t.x_lo < told.x_lo) or np.any(t.x_hi > told.x_hi) or np.any(np.abs([t.x_lo, t.x_hi]) > told.box):
         raise CertificateError("certificate: the ranges of x are wider than those of the framers.")
+    check_coordinates(t)
     if told.vary is not None and any(np.any(b != b[:1]) for b in (told.vary.theta_lo, told.vary.theta_hi)):
         raise CertificateError("certificate: bounds of parameters differ between modes, expected one for all.")
+
+
+def check_coordinates(t) -> None:
+    """Check that the bounds of S x, computed from those of x, hold it with all rounding.
+
+    Raises
+    ------
+    CertificateError
+        Naming the row.
+    """
+    unit, n = Q(np.finfo(t.real).eps) / 2, len(t.S)
+    gamma = (n + 2) * unit / (1 - (n + 2) * unit)
+    tiny = 4 * (n + 2) * Q(np.finfo(t.real).smallest_subnormal)
+    for i, (row, rounded, room) in enumerate(zip(t.S, t.S_rounded, t.xi_room)):
+        need = tiny + gamma * Q(room)
+        for a, b, x in zip(row, rounded, t.told.box):
+            need += (abs(Q(a) - Q(b)) + gamma * abs(Q(b))) * Q(x)
+        if not need <= Q(room):
+            raise CertificateError(f"certificate: xi_room[{i}] is {float(room):.9g}, at least "
+                                   f"{float(fmpq(need)):.9g} expected. Design again.")

@@ -6,14 +6,16 @@ they are where the mode is told (``tnl``; N = 0 for the classical observer), are
 1. they move by the step of their mode: they hold the state if that mode was active all through the last period;
 2. where their residual interval is without zero, or a lower bound above the upper one, it was not: all hypotheses of
    mode q are dropped but the one that was born within the period;
-3. the state of that one, (q, 0), is in the estimator's box alone, which knows of a switch at any instant: the framers
-   are widened by it, at every sample at which it is possible, and start from it where they did not live;
-4. they are cut to the estimator's boxes of their mode; empty: no hypothesis of mode q is left.
+3. the estimator's boxes of all other hypotheses of mode q are cut to what the framers make of S x;
+4. the state of (q, 0) is in the estimator's box alone, which knows of a switch at any instant: the framers are widened
+   by it, at every sample at which it is possible, and start from it where they did not live;
+5. they are cut to the estimator's boxes of their mode; empty: no hypothesis of mode q is left.
 
-So while no fault acts: where q is the true mode, its framers live and hold the state. Case 1 and 2: the mode was active
-all through the period, then it was true at the last sample, too, and the step of mode q carries the state; what follows
-from the truth excludes nothing. Case 3: it began within the period. No mode left is a fault, or an assumption broken.
-Framers never grow beyond the estimator's boxes, whatever the switching.
+So while no fault acts: where q is the true mode, its framers live and hold the state. Either the mode was active all
+through the last period: then it was true at the last sample, too, its framers held the state and its step carries it;
+what follows from the truth excludes nothing (1, 2, 3). Or it began within the period (4). No mode left is a fault, or an
+assumption broken. Framers never grow beyond the estimator's boxes, whatever the switching, and these profit from gains
+and from measured parameters, which the estimator has not.
 """
 
 from __future__ import annotations
@@ -40,9 +42,13 @@ class DrivenTables(ModeTables):
     ----------
     told : FramerTables
         Of the observer that is told its mode; C and D the same in all modes, no change of coordinates.
+    S_rounded : ndarray (n_x, n_x), xi_room : ndarray (n_x,)
+        S in the type of the C, and what that and the product may lose.
     """
 
     told: FramerTables | None = None
+    S_rounded: Array | None = None
+    xi_room: Array | None = None
 
     @property
     def vary(self):
@@ -54,14 +60,6 @@ class DrivenTables(ModeTables):
         """Whether the framers are cut to the declared ranges."""
         return self.told.clamp
 
-    @classmethod
-    def joined(cls, mode: ModeTables, told: FramerTables) -> DrivenTables:
-        """Both in one; inputs and measurements are those that both accept."""
-        own = {f.name: getattr(mode, f.name) for f in fields(ModeTables)}
-        for name, smaller in (("u_lo", np.maximum), ("u_hi", np.minimum), ("y_lo", np.maximum), ("y_hi", np.minimum)):
-            own[name] = smaller(own[name], getattr(told, name))
-        return cls(**own, told=told)
-
     def to_dict(self) -> dict:
         """Return plain lists for design.json; every float is exact."""
         return {**super().to_dict(), "told": self.told.to_dict()}
@@ -70,7 +68,9 @@ class DrivenTables(ModeTables):
     def from_dict(cls, data: dict, sizes: tuple[int, int, int, int] | None = None) -> DrivenTables:
         """Rebuild from ``to_dict``; ``sizes`` as of ``ModeTables``."""
         mode = ModeTables.from_dict(data, sizes)
-        return cls.joined(mode, FramerTables.from_dict(data["told"], mode.sizes))
+        own = {f.name: getattr(mode, f.name) for f in fields(ModeTables)}
+        more = {name: np.array(data[name], dtype=np.float64).astype(mode.dtype) for name in ("S_rounded", "xi_room")}
+        return cls(**own, **more, told=FramerTables.from_dict(data["told"], mode.sizes))
 
 
 class DrivenObserver(ModeObserver):
@@ -101,6 +101,8 @@ class DrivenObserver(ModeObserver):
         now = merged(measured, run.cut(before, seen), before)
         lo, hi, kept = self.moved(t, measured, y, u, theta)
         now.alive[..., 1:] &= (kept | ~self.framed)[..., None]
+        kept = kept & now.alive[..., 1:].any(axis=-1)
+        now = narrowed(t, now, kept, lo, hi)
         lo, hi = framed(t, run, now, kept, lo, hi)
         now.alive &= np.all(lo <= hi, axis=-1)[..., None]
         raw, whole = ~now.alive.any(axis=(1, 2)), run.everywhere(t.wide_lo, t.wide_hi, measured.shape)
@@ -146,6 +148,7 @@ class DrivenObserver(ModeObserver):
             blind = open_loop(told, q, lo, hi, self.u)
             lo, hi = (np.where(corrected, a, b) for a, b in zip(full, blind))
             r_lo, r_hi = residuals(told, q, lo, hi, u, y)
+            lo, hi = np.maximum(lo, -told.box), np.minimum(hi, told.box)
             wrong = np.any(lo > hi, axis=1) | (measured & np.any((r_lo > 0) | (r_hi < 0), axis=1))
             out_lo[:, p], out_hi[:, p], kept[:, p] = lo, hi, self.framed[:, p] & ~wrong
         return out_lo, out_hi, kept
@@ -166,6 +169,22 @@ class DrivenObserver(ModeObserver):
         self.framed = self.framed & ~on[:, None]
 
 
+def narrowed(t: DrivenTables, now: ModeState, kept: Array, lo: Array, hi: Array) -> ModeState:
+    """Cut the boxes of hypotheses that are older than the period to what framers make of S x; arguments as ``framed``.
+
+    Returns
+    -------
+    ModeState
+    """
+    below, above = image(t.S_rounded, lo, hi, np.zeros(lo.shape, t.dtype))
+    older = np.arange(now.alive.shape[-1]) > 0
+    which = (kept[..., None] & older)[..., None]
+    below, above = (below - t.xi_room)[:, :, None], (above + t.xi_room)[:, :, None]
+    now.lo, now.hi = np.where(which & (now.lo < below), below, now.lo), np.where(which & (now.hi > above), above, now.hi)
+    now.alive = now.alive & np.all(now.lo <= now.hi, axis=-1)
+    return now
+
+
 def framed(t: DrivenTables, run: ModeSet, now: ModeState, kept: Array, lo: Array, hi: Array) -> tuple[Array, Array]:
     """Framers of every mode that is possible, widened by what began within the period, cut to the estimator's boxes.
 
@@ -176,7 +195,7 @@ def framed(t: DrivenTables, run: ModeSet, now: ModeState, kept: Array, lo: Array
     now : ModeState
         After the cut with the measurement.
     kept : ndarray (S, N) bool
-        Framers that have moved and hold, if any hypothesis of theirs but the newest is alive.
+        Framers that have moved and hold.
     lo, hi : ndarray (S, N, n_x)
 
     Returns
@@ -187,7 +206,7 @@ def framed(t: DrivenTables, run: ModeSet, now: ModeState, kept: Array, lo: Array
     below, above = image(t.S_inverse, now.lo, now.hi, np.zeros(now.lo.shape, t.dtype))
     alive, box = now.alive[..., None], t.told.box
     below, above = np.where(alive, below - t.x_room, np.inf), np.where(alive, above + t.x_room, -np.inf)
-    kept = (kept & now.alive[..., 1:].any(axis=-1))[..., None]
+    kept = (kept & now.alive[..., 1:].any(axis=-1))[..., None]  # narrowing may have dropped them
     wide_lo, wide_hi = below.min(axis=2), above.max(axis=2)
     lo = np.where(kept, np.minimum(lo, below[:, :, 0]), wide_lo)
     hi = np.where(kept, np.maximum(hi, above[:, :, 0]), wide_hi)
