@@ -52,7 +52,7 @@ WIDE_TAIL = (*TAIL, (True, 1), (True, 0), (False, 1), (True, 2), (True, 0), (Fal
 
 def tail(t) -> tuple[tuple[bool, int], ...]:
     """Return the samples of the tail in one mode."""
-    return TAIL if t.vary is None else WIDE_TAIL
+    return TAIL if t.vary is None or isinstance(t, ModeTables) else WIDE_TAIL  # which holds boxes of S x
 
 
 def steps_of(t) -> int:

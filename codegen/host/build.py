@@ -152,4 +152,5 @@ START = ("x_lo", "x_hi", "z_lo", "z_hi", "x_hat", "shape", "box_lo", "box_hi")
 ALWAYS = ("x_hat", "x_lo", "x_hi")
 MEASURED = ("r_lo", "r_hi", "r", "r_bound", "f_hat", "f_bound")
 WORDS = ("mode", "mode_set", "settled_set", "age")
-VECTORS = frozenset({*START, *ALWAYS, *MEASURED, "u", "y", "theta", "history", "xi", "alive"})
+VECTORS = frozenset({*START, *ALWAYS, *MEASURED, "u", "y", "theta", "history", "xi", "alive", "frame_lo",
+                     "frame_hi"})
