@@ -80,11 +80,9 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
 
 
 def maps(told, names: Names, x, y) -> tuple[MapSpec | Varying, ...]:
-    """The three maps of framers that are told their mode, on a struct of their own in place of the state."""
-    p = names.prefix
-    residual, forward, blind = families.specs("tnl", told, names, x, y)
-    # The residual is the same in all modes (``certify.driven_certificate``), so none is selected.
-    return residual, given(forward, p), given(blind, p)
+    """The maps that move framers that are told their mode, on a struct of their own in place of the state."""
+    _, forward, blind = families.specs("tnl", told, names, x, y)
+    return given(forward, names.prefix), given(blind, names.prefix)
 
 
 def given(spec: MapSpec | Varying, p: str) -> MapSpec | Varying:
@@ -101,7 +99,8 @@ def view(mode: ModeView, t, names: Names, shared) -> DrivenView:
     S = Table("forth", f"[{m}_NX][{m}_NX]", (), tuple(f"{initialiser(row, t.real)}," for row in t.S_rounded))
     sides = tuple((real, f"x_{side}", f"[{m}_NX]", ()) for side in ("lo", "hi"))
     held = tuple(Field(*f) for f in (*sides, *((real, name, f"[{count}]", ()) for name, count, *_ in shared),
-                                     ("uint32_t", "mode", "", ())))
+                                     ("uint32_t", "mode", "", ()),
+                                     *((("uint32_t", "spare", "", ("not read",)),) * (t.real == "float64"))))
     frames = Size("NFRAME", f"{t.sizes[0] * t.sizes[1]}U", "bounds of x of all modes at one side")
     return DrivenView(**vars(mode) | {"sizes": (*mode.sizes, frames)}, forth=(S, vector_table("xi_room", f"{m}_NX", t.xi_room, t.real)),
                       frame_limit=vector_table("frame_limit", f"{m}_NX", t.told.box, t.real), held=held,
@@ -110,13 +109,10 @@ def view(mode: ModeView, t, names: Names, shared) -> DrivenView:
 
 def moves(views, t) -> Operations:
     """Count the dearest sample of the framers of all modes, twice where nothing was possible."""
-    (n_modes, n, _, p), ages = t.sizes, t.ages + 1
-    residual, forward, blind = (v.operations for v in views)
-    cut = [0, 0, 4 * n]
-    step = residual + [max(a, b) for a, b in zip(forward + cut, blind + cut)]
-    multiply, add, compare = (int(c) for c in step)
+    (n_modes, n, _, _), ages = t.sizes, t.ages + 1
+    multiply, add, compare = (int(max(pair)) for pair in zip(*(v.operations + [0, 0, 4 * n] for v in views)))
     boxes = ages * (4 * n * n)
     return Operations(n_modes * (multiply + 2 * n * n + 2 * boxes),
                       n_modes * (add + 2 * n * n + 2 * n + 2 * boxes + 4 * ages * n),
-                      n_modes * (compare + 7 * n + 2 * p + 2 * n * n + ages * 3 * n + 2 * (boxes + 8 * n * ages + 5 * n))
+                      n_modes * (compare + 7 * n + 2 * n * n + ages * 3 * n + 2 * (boxes + 8 * n * ages + 5 * n))
                       + n_modes * 2 * n)

@@ -4,16 +4,16 @@ The mode estimator (``mode_set``) says at every sample which hypotheses (mode, a
 they are where the mode is told (``tnl``; N = 0 for the classical observer), are kept for every mode of the set:
 
 1. they move by the step of their mode: they hold the state if that mode was active all through the last period;
-2. where their residual interval is without zero, or a lower bound above the upper one, it was not: all hypotheses of
-   mode q are dropped but the one that was born within the period;
-3. the estimator's boxes of all other hypotheses of mode q are cut to what the framers make of S x;
-4. the state of (q, 0) is in the estimator's box alone, which knows of a switch at any instant: the framers are widened
+2. all hypotheses of mode q but the one that was born within the period say that it was: their boxes are cut to what the
+   framers make of S x. It begins with C x, which is cut by the measurement already: where zero is not in the framers'
+   residual interval no box is left. None is either where a lower bound is above the upper one;
+3. the state of (q, 0) is in the estimator's box alone, which knows of a switch at any instant: the framers are widened
    by it, at every sample at which it is possible, and start from it where they did not live;
-5. they are cut to the estimator's boxes of their mode; empty: no hypothesis of mode q is left.
+4. they are cut to the estimator's boxes of their mode; empty: no hypothesis of mode q is left.
 
 So while no fault acts: where q is the true mode, its framers live and hold the state. Either the mode was active all
 through the last period: then it was true at the last sample, too, its framers held the state and its step carries it;
-what follows from the truth excludes nothing (1, 2, 3). Or it began within the period (4). No mode left is a fault, or an
+what follows from the truth excludes nothing (1, 2). Or it began within the period (3). No mode left is a fault, or an
 assumption broken. Framers never grow beyond the estimator's boxes, whatever the switching, and these profit from gains
 and from measured parameters, which the estimator has not.
 """
@@ -24,7 +24,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from .framer import FramerTables, open_loop, propagate, residuals
+from .framer import FramerTables, open_loop, propagate
 from .mode_observer import ModeObserver, ModeTrace, expected, merged
 from .mode_set import ModeSet, ModeState, image, pack_modes
 from .mode_tables import ModeTables
@@ -99,7 +99,7 @@ class DrivenObserver(ModeObserver):
         seen, before = run.seen(u, y), run.cut(self.state, None)
         r_lo, r_hi = expected(t, before, seen)
         now = merged(measured, run.cut(before, seen), before)
-        lo, hi, kept = self.moved(t, measured, y, u, theta)
+        lo, hi, kept = self.moved(t, measured, y, theta)
         now.alive[..., 1:] &= (kept | ~self.framed)[..., None]
         kept = kept & now.alive[..., 1:].any(axis=-1)
         now = narrowed(t, now, kept, lo, hi)
@@ -134,7 +134,7 @@ class DrivenObserver(ModeObserver):
         out.alarm[judged] = alarm[judged].any(axis=1)
         out.assured[on] = np.where(measured, assured, free)[on]
 
-    def moved(self, t: DrivenTables, measured: Array, y: Array, u: Array, theta: Array) -> tuple[Array, Array, Array]:
+    def moved(self, t: DrivenTables, measured: Array, y: Array, theta: Array) -> tuple[Array, Array, Array]:
         """Framers of every mode after a step of their own: lo, hi (S, N, n_x); whether they still hold (S, N)."""
         told, runs = t.told, len(measured)
         out_lo, out_hi, kept = np.zeros_like(self.lo), np.zeros_like(self.hi), np.zeros_like(self.framed)
@@ -147,10 +147,8 @@ class DrivenObserver(ModeObserver):
             full = propagate(told, q, lo, hi, self.u, self.y, y, step, change=theta - self.theta)
             blind = open_loop(told, q, lo, hi, self.u)
             lo, hi = (np.where(corrected, a, b) for a, b in zip(full, blind))
-            r_lo, r_hi = residuals(told, q, lo, hi, u, y)
             lo, hi = np.maximum(lo, -told.box), np.minimum(hi, told.box)
-            wrong = np.any(lo > hi, axis=1) | (measured & np.any((r_lo > 0) | (r_hi < 0), axis=1))
-            out_lo[:, p], out_hi[:, p], kept[:, p] = lo, hi, self.framed[:, p] & ~wrong
+            out_lo[:, p], out_hi[:, p], kept[:, p] = lo, hi, self.framed[:, p] & np.all(lo <= hi, axis=1)
         return out_lo, out_hi, kept
 
     def _keep(self, on: Array, judged: Array, lives: Array, lo: Array, hi: Array, u: Array, y: Array,

@@ -140,12 +140,12 @@ def test_design_reads_back_and_tampering_is_seen(tmp_path):
     ("known = false", "known = true", "mode is known at run time, expected switching.known = false"),
     ("minimum_dwell = 1", "", "expected switching.minimum_dwell"),
     ("minimum_dwell = 1", "minimum_dwell = 0.06", "less than two samples"),
-    ('kind = "continuous"', 'kind = "discrete"', "needs a continuous plant"),
     ('{ name = "level", range = [-3, 3] }', '{ name = "level" }', 'range of "level" in signals.y'),
     ('method = "mode-set"', 'method = "mode-set"\nages = 40', "observer.ages is 40, expected a number from 1 to 31"),
     ('method = "mode-set"', 'method = "mode-set"\norder = 3', "observer.order is no option of this method"),
     ('method = "mode-set"', 'method = "zonotope"', 'Method "mode-set" finds it'),
-    ('method = "mode-set"', 'method = "lpv-interval"', 'Method "mode-set" finds it')])
+    ('method = "mode-set"', 'method = "tnl-interval-lpv"', "D is not zero"),
+    ('method = "mode-set"', 'method = "tnl-interval"', "the plant is continuous")])
 def test_refusals(old, new, words):
     text = TEXT.replace(old, new).replace("30.25", "30").replace("60.5", "60")
     with pytest.raises(DesignError, match=words):
