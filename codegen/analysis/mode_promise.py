@@ -7,11 +7,17 @@ import numpy as np
 Array = np.ndarray
 
 
-def dropped(truth, trace) -> Array:
+def acting(kind: str, q: Array) -> Array:
+    """The mode of every sample: of a discrete plant, whose q[k] acts from sample k on, that of the step before it."""
+    return np.concatenate([q[:1], q[:-1]]) if kind == "discrete" else q
+
+
+def dropped(kind: str, truth, trace) -> Array:
     """Samples at which the true mode is not among those called possible; none of other observers, or of records.
 
     Parameters
     ----------
+    kind : {"discrete", "continuous"}
     truth : PlantTrace
     trace : Trace or ModeTrace
 
@@ -21,14 +27,15 @@ def dropped(truth, trace) -> Array:
     """
     if not hasattr(trace, "mode_set") or np.isnan(truth.x).all():  # of a record nobody knows
         return np.zeros(len(truth.q), dtype=bool)
-    return (trace.mode_set.astype(np.int64) >> truth.q) & 1 == 0
+    return (trace.mode_set.astype(np.int64) >> acting(kind, truth.q)) & 1 == 0
 
 
-def late(cert: dict, truth, trace, settled: Array) -> int:
+def late(kind: str, cert: dict, truth, trace, settled: Array) -> int:
     """Samples at which the decision is wrong though the certificate says that it is right by then.
 
     Parameters
     ----------
+    kind : {"discrete", "continuous"}
     cert : dict
         Of the number type that ran.
     truth : PlantTrace
@@ -40,7 +47,7 @@ def late(cert: dict, truth, trace, settled: Array) -> int:
     -------
     int
     """
-    q, found = truth.q, 0
+    q, found = acting(kind, truth.q), 0
     whole = settled & (trace.status == 0) & ~np.isnan(trace.r_lo).any(axis=1)
     edges = [0, *(np.flatnonzero(np.diff(q)) + 1), len(q)]
     for n, (begin, end) in enumerate(zip(edges, edges[1:])):

@@ -132,7 +132,8 @@ def judge(plant: Plant, scenario: Scenario, truth: PlantTrace, trace: Trace, dif
     lo, hi = plant.limits("x")
     # The simulated truth itself is only good to double precision.
     slack = 1e-12 * np.maximum(np.abs(lo), np.abs(hi))
-    outside = np.any((truth.x > trace.x_hi + slack) | (truth.x < trace.x_lo - slack), axis=1) | dropped(truth, trace)
+    outside = np.any((truth.x > trace.x_hi + slack) | (truth.x < trace.x_lo - slack), axis=1) | dropped(
+        plant.kind, truth, trace)
     return Outcome(scenario, truth, trace, differences, int(np.sum(outside & sound & done)),
                    int(np.sum(raw & settled & done)), settled, found)
 
@@ -184,7 +185,7 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
         outcome = judge(plant, scenario, truth, trace, trace.differs(references.row(own)))
         cert = design.certificate[driver.real]
         if cert["kind"] == "mode":
-            outcome = replace(outcome, late=late(cert, truth, trace, outcome.settled))
+            outcome = replace(outcome, late=late(plant.kind, cert, truth, trace, outcome.settled))
         out.append(outcome)
     return out
 

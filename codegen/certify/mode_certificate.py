@@ -67,7 +67,8 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
     n = plant.n_modes
     return t, {"kind": "mode", "dwell": dwell_samples(plant), "ages": t.ages, "horizon": horizon,
                "old": square(n, found.old), "identified": square(n, found.identified), "quiet": found.quiet,
-               "start": found.start, "worst": found.worst, "widths": found.widths.tolist()}
+               "start": found.start, "worst": found.worst, "widths": found.widths.tolist(),
+               **({"switches": "at samples"} if plant.kind == "discrete" else {})}
 
 
 def check(plant, t, cert: dict) -> list[str]:
@@ -103,11 +104,13 @@ def sentences(plant, t, cert: dict) -> list[str]:
         return f"{samples} samples ({samples * T:.4g} s)" if samples != 1 else f"1 sample ({T:.4g} s)"
 
     pairs = [(i, j) for i in range(len(names)) for j in range(len(names)) if i != j]
+    anywhere = "at any instant" if plant.kind == "continuous" else (
+        "at any sample (a mode that acts from a sample on is in the set at the next one)")
     each = "; ".join(f'"{names[i]}" to "{names[j]}" {cert["old"][i][j]} and {cert["identified"][i][j]}'
                      for i, j in pairs)
     return [
         "the true mode is in mode_set and x_lo <= x <= x_hi at every sample while no fault acts, so that no alarm is "
-        f"false, through switches too, which may fall at any instant, {time(t.ages + 1)} apart at least; all "
+        f"false, through switches too, which may fall {anywhere}, {time(t.ages + 1)} apart at least; all "
         f"rounding is included ({t.real}, with or without fused multiply-add)",
         f"a switch is identified within {time(cert['worst'])}: from then to the next switch mode is the true one, "
         f"where switches are {time(cert['dwell'])} apart at least and no measurement is missing",

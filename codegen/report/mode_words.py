@@ -27,7 +27,8 @@ def delays(design, real: str) -> tuple[Table, ...]:
     rows = [(names[i], names[j], words.delay(cert["old"][i][j], T), words.delay(cert["identified"][i][j], T))
             for i in range(len(names)) for j in range(len(names)) if i != j]
     rows.append(("power-up", "any", words.NONE, words.delay(cert["start"], T)))
-    notes = ("From the switch at the latest, wherever it falls between two samples, if switches are at least "
+    wherever = ", wherever it falls between two samples," if plant.kind == "continuous" else ""
+    notes = (f"From the switch at the latest{wherever} if switches are at least "
              f"{words.delay(cert['dwell'], T)} apart and no measurement is missing. The true mode is in the set all "
              f"the time, also where switches are only {words.delay(cert['ages'] + 1, T)} apart.",)
     head = ("from", "to", "#old mode ruled out", "#mode right")
@@ -36,7 +37,7 @@ def delays(design, real: str) -> tuple[Table, ...]:
 
 def switching(cert: dict) -> str:
     """Say for which switching the set of modes is proved."""
-    return (f"a mode that nobody tells, switching at any instant, at least {cert['ages'] + 1} samples apart (for the "
+    return (f"a mode that nobody tells, switching {cert.get('switches', 'at any instant')}, at least {cert['ages'] + 1} samples apart (for the "
             f"delays: {cert['dwell']} samples)")
 
 

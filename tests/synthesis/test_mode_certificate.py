@@ -182,8 +182,8 @@ def test_promises_are_held_against_runs():
     trace, cert = made.observer.run(run.u, run.y), made.certificate["float32"]
     outcome = judge(p, p.scenarios[0], run, trace, [])
     assert outcome.lost == outcome.false_alarms == 0 and outcome.settled.all()
-    assert mode_promise.late(cert, run, trace, outcome.settled) == 0
+    assert mode_promise.late("continuous", cert, run, trace, outcome.settled) == 0
     slow = replace(trace, mode=np.concatenate([trace.mode[:1], trace.mode[1:31], np.zeros(10), trace.mode[41:]]))
-    assert mode_promise.late(cert, run, slow, outcome.settled) == 40 - (30 + cert["identified"][0][1]) + 1
+    assert mode_promise.late("continuous", cert, run, slow, outcome.settled) == 40 - (30 + cert["identified"][0][1]) + 1
     wrong = replace(trace, mode_set=np.where(np.arange(100) % 20 == 7, 1 << (1 - run.q), trace.mode_set))
     assert judge(p, p.scenarios[0], run, wrong, []).lost == 5
