@@ -41,7 +41,7 @@ def switching(cert: dict) -> str:
             f"delays: {cert['dwell']} samples)")
 
 
-def gains(design, real: str, matrix) -> tuple[Folded, ...]:
+def gains(design, real: str, matrix, whose: str = "") -> tuple[Folded, ...]:
     """Tabulate the constants that the C holds, exactly, one fold per mode.
 
     Parameters
@@ -50,6 +50,8 @@ def gains(design, real: str, matrix) -> tuple[Folded, ...]:
     real : {"float32", "float64"}
     matrix : callable
         (title, row names, column names, values) -> Table.
+    whose : str
+        What the titles of the folds begin with.
 
     Returns
     -------
@@ -68,8 +70,8 @@ def gains(design, real: str, matrix) -> tuple[Folded, ...]:
                 tables.append(matrix(f"A switch to {other.name} within the period: J, J_shift, J_reach, birth", xi,
                                      [*xi, "J_shift", "J_reach", "birth"],
                                      np.column_stack([t.J[q, j], t.J_shift[q, j], t.J_reach[q, j], t.birth[q, j]])))
-        folds.append(Folded(f"Mode {q}, “{mode.name}”", tuple(tables)))
+        folds.append(Folded(f"{whose}Mode {q}, “{mode.name}”", tuple(tables)))
     coordinates = matrix("xi = S x", xi, [s.name for s in plant.x], t.S)
     noise = matrix("Bounds of y - D u - C x", [s.name for s in plant.y], ["v_lo", "v_hi"],
                    np.stack([t.v_lo, t.v_hi], axis=1))
-    return (*folds, Folded("Coordinates and noise", (coordinates, noise)))
+    return (*folds, Folded(f"{whose}Coordinates and noise", (coordinates, noise)))
