@@ -130,8 +130,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
             raise DesignError(f"{plant.name}: observer.method is \"{name}\", expected one of {', '.join(METHODS)}.")
     check_options(plant.name, options, known_options(methods))
     if "modes" in options and plant.switching.known:
-        raise DesignError(f"{plant.name}: observer.modes says how the mode is found, but it is told (switching.known is "
-                          "true). Leave one of them out.")
+        raise DesignError(f"{plant.name}: observer.modes says how the mode is found, but it is told (switching.known "
+                          "is true). Leave one of them out.")
     if method and METHODS[method].estimates_mode:
         return modes.designed(plant, method, options, progress)
     trials, reasons = [], []

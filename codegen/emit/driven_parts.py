@@ -75,7 +75,8 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     state = state_layout(names, s, 1, numbers, 2 * (boxes + frames) + len(kept), kept, words, extra=len(t.Phi))
     operations = own.operations + moves(views, t)
     return replace(own, noun="bounds", header="driven.h.jinja", maps=views, state=state, operations=operations,
-                   cuts=tuple(replace(cut, name=f"{cut.name}_x") for cut in framer_parts.cuts(names, t.told, layout)), sets=(view(own.sets[0], t, names, shared),),
+                   cuts=tuple(replace(cut, name=f"{cut.name}_x") for cut in framer_parts.cuts(names, t.told, layout)),
+                   sets=(view(own.sets[0], t, names, shared),),
                    lengths=(*own.lengths, ("NFRAME", frames)))
 
 
@@ -102,7 +103,8 @@ def view(mode: ModeView, t, names: Names, shared) -> DrivenView:
                                      ("uint32_t", "mode", "", ()),
                                      *((("uint32_t", "spare", "", ("not read",)),) * (t.real == "float64"))))
     frames = Size("NFRAME", f"{t.sizes[0] * t.sizes[1]}U", "bounds of x of all modes at one side")
-    return DrivenView(**vars(mode) | {"sizes": (*mode.sizes, frames)}, forth=(S, vector_table("xi_room", f"{m}_NX", t.xi_room, t.real)),
+    return DrivenView(**vars(mode) | {"sizes": (*mode.sizes, frames)},
+                      forth=(S, vector_table("xi_room", f"{m}_NX", t.xi_room, t.real)),
                       frame_limit=vector_table("frame_limit", f"{m}_NX", t.told.box, t.real), held=held,
                       copies=tuple(Copy(name, count) for name, count, *_ in shared))
 

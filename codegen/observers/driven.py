@@ -178,7 +178,8 @@ def narrowed(t: DrivenTables, now: ModeState, kept: Array, lo: Array, hi: Array)
     older = np.arange(now.alive.shape[-1]) > 0
     which = (kept[..., None] & older)[..., None]
     below, above = (below - t.xi_room)[:, :, None], (above + t.xi_room)[:, :, None]
-    now.lo, now.hi = np.where(which & (now.lo < below), below, now.lo), np.where(which & (now.hi > above), above, now.hi)
+    now.lo = np.where(which & (now.lo < below), below, now.lo)
+    now.hi = np.where(which & (now.hi > above), above, now.hi)
     now.alive = now.alive & np.all(now.lo <= now.hi, axis=-1)
     return now
 

@@ -1,8 +1,8 @@
 """A plant whose parameters are bounded by disturbances: what an estimator sees that is given none of them.
 
 ``(A0 + sum_j theta_j A_j) x = Am x + d`` with Am at the middle of the bounds of theta and, for every x in its declared
-range and every u in its own, ``|d| <= sum_j r_j (|A_j| |x| + |B_j| |u|)``, r_j half the width of the bounds. The middle is
-rounded to float64; what that moves is in the bound too. One more disturbance per state then has all of it.
+range and every u in its own, ``|d| <= sum_j r_j (|A_j| |x| + |B_j| |u|)``, r_j half the width of the bounds. The middle
+is rounded to float64; what that moves is in the bound too. One more disturbance per state then has all of it.
 """
 
 from __future__ import annotations

@@ -37,7 +37,8 @@ def delays(design, real: str) -> tuple[Table, ...]:
 
 def switching(cert: dict) -> str:
     """Say for which switching the set of modes is proved."""
-    return (f"a mode that nobody tells, switching {cert.get('switches', 'at any instant')}, at least {cert['ages'] + 1} samples apart (for the "
+    when = cert.get("switches", "at any instant")
+    return (f"a mode that nobody tells, switching {when}, at least {cert['ages'] + 1} samples apart (for the "
             f"delays: {cert['dwell']} samples)")
 
 

@@ -91,7 +91,7 @@ METHODS = {
                         "Zammali (2020), Theorem 21", ellipsoid, automatic=False),
     "hinf-filter": Method(("discrete switched", "discrete LPV"), "filter", "filter that estimates faults, H-infinity",
                           "Farhat, Koenig (2016)", fault_filter, automatic=False),
-    "mode-set": Method(("switched, mode unknown", "LPV switched, mode unknown"), "mode", "the modes that are still possible",
+    "mode-set": Method(("switched, mode unknown",), "mode", "the modes that are still possible",
                        "own; task of Zammali (2020), chapter 4", mode_set, automatic=False),
 }
 #: Options of every method with an error set.

@@ -25,12 +25,14 @@ LPV = NO_FEED.replace("f = [{", """theta = [{ name = "wear", bounds = [-0.1, 0.1
 f = [{""").replace("[[-2, 1], [0, -3]]", '[["-2 - dirt", 1], [0, "-3 - wear"]]').replace(
     "B = [[-2], [2]]", 'B = [[-2], ["2 + wear"]]')
 DISCRETE = NO_FEED.replace('kind = "continuous"', 'kind = "discrete"').replace(
-    "[[-2, 1], [0, -3]]", "[[0.8, 0.2], [-0.1, 0.6]]").replace("[[-2, 1], [1, -4]]", "[[0.8, 0.2], [0.1, 0.5]]").replace(
+    "[[-2, 1], [0, -3]]", "[[0.8, 0.2], [-0.1, 0.6]]").replace(
+    "[[-2, 1], [1, -4]]", "[[0.8, 0.2], [0.1, 0.5]]").replace(
     "B = [[1], [1]]", "B = [[0.1], [0.05]]").replace("B = [[-2], [2]]", "B = [[0.1], [0.1]]").replace(
     '[30.25, "shut"], [60.5, "open"]', '[30, "shut"], [60, "open"]')
 #: Noise that hides wrong modes for some samples: what they do to the right one matters.
 NOISY = ("[-0.001, 0.002]", "[-0.02, 0.03]")
-PLANTS = {"constant": TEXT, "parameters": LPV, "hidden": LPV.replace("B = [[-2]", "B = [[1]").replace(*NOISY), "discrete": DISCRETE.replace(*NOISY)}
+PLANTS = {"constant": TEXT, "parameters": LPV, "hidden": LPV.replace("B = [[-2]", "B = [[1]").replace(*NOISY),
+          "discrete": DISCRETE.replace(*NOISY)}
 #: Part of the first column of A that L and N take: with N the framers see the newest measurement.
 GAINS = {"constant": (0.8, 0.0), "parameters": (0.3, 0.5), "hidden": (0.3, 0.5), "discrete": (0.3, 0.5)}
 AGES = 3

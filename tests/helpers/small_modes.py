@@ -137,7 +137,8 @@ class Exact:
 def exact_course(p, ages: int, steps: int, seed: int, side: int = 0) -> Exact:
     """Everything at a corner, switches as fast as allowed: on a sample, a hair before or after it, or inside.
 
-    ``side``: disturbances and parameters stay at the upper (1) or lower (-1) end and noise at the other one, so that bounds are met.
+    ``side``: disturbances and parameters stay at the upper (1) or lower (-1) end and noise at the other one, so that
+    bounds are met.
     """
     def end(ends) -> float:
         return float(rng.choice(ends) if side == 0 else ends[side > 0])
@@ -145,7 +146,7 @@ def exact_course(p, ages: int, steps: int, seed: int, side: int = 0) -> Exact:
     rng, before = np.random.default_rng(seed), ctx.prec
     ctx.prec = 200
     try:
-        T, n = arb(p.sample_period), p.n_x
+        T = arb(p.sample_period)
         x = [arb(float(rng.choice(ends))) for ends in zip(p.x0_lo, p.x0_hi)]
         mode, due = int(rng.integers(p.n_modes)), arb(1)  # in periods
         due = due + arb(float(rng.choice([0, 2 ** -40, 0.3, 0.5, 1 - 2 ** -40])))
