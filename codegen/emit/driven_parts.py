@@ -67,12 +67,13 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
                 for side, end in (("lo", "lower"), ("hi", "upper"))]
     numbers += [(real, name, f"[{count}]", (note,)) for name, count, note, _ in shared]
     numbers += [member for member in own.state.members if member[1] == "alive"]
-    kept = [f"s->{name}[{i}]" for name, _, _, n in shared for i in range(n)]
+    kept = [f"s->{name}[{i}]" for name, n in (
+        ("frame_lo", frames), ("frame_hi", frames), *((name, n) for name, _, _, n in shared)) for i in range(n)]
     words: list[Word] = [("decided", "0U", "mode of the last answer"),
                          ("framed", "0U", "bit q: the bounds of mode q are those of the last sample"),
                          ("measured", "0U", "1: the last sample had its measurement")]
     boxes = next(n for name, n in own.lengths if name == "NSHAPE")
-    state = state_layout(names, s, 1, numbers, 2 * (boxes + frames) + len(kept), kept, words, extra=len(t.Phi))
+    state = state_layout(names, s, 1, numbers, 2 * boxes + len(kept), kept, words, extra=len(t.Phi))
     operations = own.operations + moves(views, t)
     return replace(own, noun="bounds", header="driven.h.jinja", maps=views, state=state, operations=operations,
                    cuts=tuple(replace(cut, name=f"{cut.name}_x") for cut in framer_parts.cuts(names, t.told, layout)),
@@ -90,7 +91,7 @@ def given(spec: MapSpec | Varying, p: str) -> MapSpec | Varying:
     """The same map, of what is held for one mode; the name of its cut is another, as boxes are cut too."""
     own = spec.spec if isinstance(spec, Varying) else spec
     own = replace(own, parameters=tuple(text.replace(f"{p}_state", f"{p}_held") for text in own.parameters),
-                  tail=tuple(text.replace(f"{p}_cut(", f"{p}_cut_x(") for text in own.tail))
+                  index="s->mode", tail=tuple(text.replace(f"{p}_cut(", f"{p}_cut_x(") for text in own.tail))
     return replace(spec, spec=own) if isinstance(spec, Varying) else own
 
 

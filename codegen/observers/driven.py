@@ -6,7 +6,7 @@ they are where the mode is told (``tnl``; N = 0 for the classical observer), are
 1. they move by the step of their mode: they hold the state if that mode was active all through the last period;
 2. all hypotheses of mode q but the one that was born within the period say that it was: their boxes are cut to what the
    framers make of S x. It begins with C x, which is cut by the measurement already: where zero is not in the framers'
-   residual interval no box is left. None is either where a lower bound is above the upper one;
+   residual interval no box is left;
 3. the state of (q, 0) is in the estimator's box alone, which knows of a switch at any instant: the framers are widened
    by it, at every sample at which it is possible, and start from it where they did not live;
 4. they are cut to the estimator's boxes of their mode; empty: no hypothesis of mode q is left.
@@ -99,9 +99,8 @@ class DrivenObserver(ModeObserver):
         seen, before = run.seen(u, y), run.cut(self.state, None)
         r_lo, r_hi = expected(t, before, seen)
         now = merged(measured, run.cut(before, seen), before)
-        lo, hi, kept = self.moved(t, measured, y, theta)
-        now.alive[..., 1:] &= (kept | ~self.framed)[..., None]
-        kept = kept & now.alive[..., 1:].any(axis=-1)
+        lo, hi = self.moved(t, measured, y, theta)
+        kept = self.framed & now.alive[..., 1:].any(axis=-1)
         now = narrowed(t, now, kept, lo, hi)
         lo, hi = framed(t, run, now, kept, lo, hi)
         now.alive &= np.all(lo <= hi, axis=-1)[..., None]
@@ -134,10 +133,10 @@ class DrivenObserver(ModeObserver):
         out.alarm[judged] = alarm[judged].any(axis=1)
         out.assured[on] = np.where(measured, assured, free)[on]
 
-    def moved(self, t: DrivenTables, measured: Array, y: Array, theta: Array) -> tuple[Array, Array, Array]:
-        """Framers of every mode after a step of their own: lo, hi (S, N, n_x); whether they still hold (S, N)."""
+    def moved(self, t: DrivenTables, measured: Array, y: Array, theta: Array) -> tuple[Array, Array]:
+        """Framers of every mode after a step of their own: lo, hi (S, N, n_x)."""
         told, runs = t.told, len(measured)
-        out_lo, out_hi, kept = np.zeros_like(self.lo), np.zeros_like(self.hi), np.zeros_like(self.framed)
+        out_lo, out_hi = np.zeros_like(self.lo), np.zeros_like(self.hi)
         step = self.theta
         if told.vary is not None and told.vary.midpoint:
             step = (self.theta + theta) * t.dtype.type(0.5)
@@ -146,10 +145,8 @@ class DrivenObserver(ModeObserver):
             q, lo, hi = np.full(runs, p), self.lo[:, p], self.hi[:, p]
             full = propagate(told, q, lo, hi, self.u, self.y, y, step, change=theta - self.theta)
             blind = open_loop(told, q, lo, hi, self.u)
-            lo, hi = (np.where(corrected, a, b) for a, b in zip(full, blind))
-            lo, hi = np.maximum(lo, -told.box), np.minimum(hi, told.box)
-            out_lo[:, p], out_hi[:, p], kept[:, p] = lo, hi, self.framed[:, p] & np.all(lo <= hi, axis=1)
-        return out_lo, out_hi, kept
+            out_lo[:, p], out_hi[:, p] = (np.where(corrected, a, b) for a, b in zip(full, blind))
+        return out_lo, out_hi
 
     def _keep(self, on: Array, judged: Array, lives: Array, lo: Array, hi: Array, u: Array, y: Array,
               theta: Array) -> None:

@@ -197,7 +197,7 @@ static void valve_forward(const valve_held *s, const valve_in *in, valve_out *ou
             0.00077317754F, 5.163058e-05F, -7.737526e-05F, 8.1904145e-05F
         },
     };
-    const valve_real *const k = table[(s->mode < VALVE_MODES) ? s->mode : 0U];
+    const valve_real *const k = table[s->mode];
 
     /* parameters of this step, magnitudes of x and u */
     const valve_real th_0 = 0.5F * (s->theta[0] + in->theta[0]);
@@ -219,10 +219,7 @@ static void valve_forward(const valve_held *s, const valve_in *in, valve_out *ou
     const valve_real L_1_0 = k[13] + (k[14] * th_0);
     const valve_real M_1_1 = k[15] + (k[16] * th_0);
     const valve_real common_1 = (G_1_0 * s->u[0]) + (L_1_0 * s->y[0]);
-    const valve_real apart_1 = (k[17] * m_0)
-        + (k[18] * m_1)
-        + (k[19] * a_0)
-        + (k[8] * ((L_1_0 < 0.0F) ? -L_1_0 : L_1_0));
+    const valve_real apart_1 = (k[17] * m_0) + (k[18] * m_1) + (k[19] * a_0) + (k[8] * (L_1_0));
     const valve_real lo_1 = common_1 + k[20] + (M_1_1 * s->x_lo[1]) - apart_1;
     const valve_real hi_1 = common_1 + k[21] + (M_1_1 * s->x_hi[1]) + apart_1;
     out->x_lo[1] = lo_1;
@@ -250,7 +247,7 @@ static void valve_blind(const valve_held *s, valve_out *out)
             -5.550748e-05F, 0.04307127F, 0.81979626F, 0.000103107646F
         },
     };
-    const valve_real *const k = table[(s->mode < VALVE_MODES) ? s->mode : 0U];
+    const valve_real *const k = table[s->mode];
 
     /* parameters of this step, magnitudes of x and u */
     const valve_real m_0 = (-s->x_lo[0] > s->x_hi[0]) ? -s->x_lo[0] : s->x_hi[0];
@@ -278,6 +275,14 @@ static void valve_blind(const valve_held *s, valve_out *out)
  */
 static void valve_clear(valve_state *s)
 {
+    s->frame_lo[0] = 0.0F;
+    s->frame_lo[1] = 0.0F;
+    s->frame_lo[2] = 0.0F;
+    s->frame_lo[3] = 0.0F;
+    s->frame_hi[0] = 0.0F;
+    s->frame_hi[1] = 0.0F;
+    s->frame_hi[2] = 0.0F;
+    s->frame_hi[3] = 0.0F;
     s->u[0] = 0.0F;
     s->y[0] = 0.0F;
     s->theta[0] = 0.0F;
@@ -819,19 +824,13 @@ static void valve_carry(valve_state *s, const valve_in *in)
 }
 
 /*
- * The bounds of mode q after a step of that mode. Returns whether they may be right: no lower one is above the upper
- * one.
+ * The bounds of mode q after a step of that mode.
  */
-static bool valve_moved(valve_state *s, const valve_in *in, uint32_t q, bool measured)
+static void valve_move(valve_state *s, const valve_in *in, uint32_t q, bool measured)
 {
-    static const valve_real frame_limit[VALVE_NX] = {
-        2.5F,
-        2.0F,
-    };
     const uint32_t at = q * VALVE_NX;
     valve_held held;
     valve_out own;
-    bool right = true;
 
     held.mode = q;
     for (uint32_t i = 0U; i < VALVE_NX; i++)
@@ -861,19 +860,9 @@ static bool valve_moved(valve_state *s, const valve_in *in, uint32_t q, bool mea
     }
     for (uint32_t i = 0U; i < VALVE_NX; i++)
     {
-        if (own.x_lo[i] < -frame_limit[i])
-        {
-            own.x_lo[i] = -frame_limit[i];
-        }
-        if (own.x_hi[i] > frame_limit[i])
-        {
-            own.x_hi[i] = frame_limit[i];
-        }
-        right = right && (own.x_lo[i] <= own.x_hi[i]);
         s->frame_lo[at + i] = own.x_lo[i];
         s->frame_hi[at + i] = own.x_hi[i];
     }
-    return right;
 }
 
 /*
@@ -1019,14 +1008,8 @@ static void valve_frames(valve_state *s, const valve_in *in, bool measured)
 
         if (kept)
         {
-            if (valve_moved(s, in, q, measured))
-            {
-                valve_narrow(s, q);
-            }
-            else
-            {
-                s->alive[q] &= 1U;
-            }
+            valve_move(s, in, q, measured);
+            valve_narrow(s, q);
             kept = ((s->alive[q] & VALVE_ANY_AGE) > 1U);
         }
         valve_frame(s, q, kept);

@@ -84,7 +84,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 200 bytes per instance; no heap, no static variables
- * step, predict: at most 512 multiplications, 690 additions and 950 comparisons of real numbers
+ * step, predict: at most 512 multiplications, 690 additions and 948 comparisons of real numbers
  */
 #ifndef VALVE_H
 #define VALVE_H
