@@ -9,10 +9,15 @@ import numpy as np
 import pytest
 from flint import arb
 
+import codegen
+from codegen.analysis import mode_promise
+from codegen.analysis.validate import judge
 from codegen.certify import driven_certificate
-from codegen.errors import CertificateError
-from codegen.observers import DrivenObserver, ModeObserver, Supervision, driven
+from codegen.designs import claims_of, read_checked
+from codegen.errors import CertificateError, DesignError
+from codegen.observers import DrivenObserver, DrivenTables, ModeObserver, Supervision, driven
 from codegen.plant.bounded import bounded
+from codegen.plant.load import loads
 from tests.helpers.driven import AGES, PLANTS, plant, tables, told
 from tests.helpers.small_modes import exact_course
 
@@ -142,3 +147,58 @@ def test_parameters_are_bounded():
             assert np.all(np.abs(d) <= b.w_hi[p.n_w:] * (1 + 1e-12))
             tight = max(tight, np.abs(d[1]) / b.w_hi[-1])
     assert tight > 0.99
+
+
+# ---------------------------------------------------------------------------------------------- the whole way
+
+CERTIFIED = PLANTS["discrete"].replace("[-0.02, 0.03]", "[-0.001, 0.002]").replace(
+    'method = "mode-set"', 'method = "tnl-interval"\nmodes = "set"\ngains = { L = [[[0.3], [-0.1]], [[0.3], [0]]], '
+    "N = [[[0.5], [0]], [[0.5], [0]]] }").replace("B = [[0.1], [0.1]]", "B = [[-0.2], [0.2]]")
+
+
+@lru_cache
+def certified():
+    return codegen.design(loads(CERTIFIED))
+
+
+def test_a_discrete_plant_the_whole_way(tmp_path):
+    """From plant file to certified design and back; scenarios keep what is promised, sooner than what is certified."""
+    made = certified()
+    p, cert = made.plant, made.certificate["float32"]
+    assert made.observer.family == "driven" and "at any sample" in made.claims("float32")[0]
+    again = read_checked(made.save(tmp_path / "design.json"))
+    assert again.digest == made.digest
+    for real, t in made.observer.tables.items():
+        assert t.to_dict() == again.observer.tables[real].to_dict()
+    run = codegen.simulate(p, "between samples")
+    trace = made.observer.run(run.u, run.y)
+    outcome = judge(p, p.scenarios[0], run, trace, [])
+    assert outcome.lost == outcome.false_alarms == 0 and outcome.settled.all() and trace.assured.all()
+    assert mode_promise.late("discrete", cert, run, trace, outcome.settled) == 0
+    wrong = replace(trace, mode_set=np.where(np.arange(100) == 50, 1, trace.mode_set).astype(np.uint32))
+    assert judge(p, p.scenarios[0], run, wrong, []).lost == 1
+
+
+@pytest.mark.parametrize("place, words", [
+    (("told", "d_hi", 0, 0), "d_hi"), (("xi_room", 0), "xi_room"), (("reach", 1, 0), "reach"),
+    (("birth", 0, 1, 0), "birth"), (("J", 0, 1, 0, 0), "not zero")])
+def test_tampering_is_caught(place, words):
+    """A constant of the framers, of the estimator, or of what joins them, made less (or, zero, made more)."""
+    data = certified().observer.tables["float32"].to_dict()
+    inner = data
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = inner[place[-1]] * 0.3 if inner[place[-1]] else 0.5
+    t = DrivenTables.from_dict(data)
+    with pytest.raises(CertificateError, match=words):
+        claims_of(certified().plant, t, certified().certificate["float32"])
+
+
+@pytest.mark.parametrize("old, new, words", [
+    ("known = false", "known = true", "observer.modes says how the mode is found"),
+    ('modes = "set"', 'modes = "sliding"', "observer.modes is 'sliding'"),
+    ("minimum_dwell = 1", "", "cannot be found there: no dwell time is declared"),
+    ('method = "tnl-interval"', 'method = "zonotope"', "observer.modes is no option")])
+def test_refusals(old, new, words):
+    with pytest.raises(DesignError, match=words):
+        codegen.design(loads(CERTIFIED.replace(old, new)))
