@@ -52,7 +52,8 @@ def case(record: dict) -> str:
                 "debounce_m": supervision["debounce"][0], "debounce_n": supervision["debounce"][1]}
     flags = {"nu": record["n_u"], "ntheta": record["n_theta"], "latch": supervision["latch"],
              "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members,
-             "boxes": "box_lo" in members, "has_frames": "frame_lo" in members, "has_origin": "origin" in members, "has_shape": "shape" in members,
+             "boxes": "box_lo" in members, "has_frames": "frame_lo" in members,
+             "has_origin": "origin" in members, "has_shape": "shape" in members,
              "square_shape": record["family"].startswith("ellipsoid"), "signed_shape": record["family"] != "box",
              "told": "mode" in {name for name, _, _ in record["in"]},
              "has_z": "z_lo" in members, "has_mode": "mode" in members, "counts_hold": "hold" in members}

@@ -161,7 +161,9 @@ class Printer:
         """Print |name|; without a comparison where its sign is known in all modes."""
         if np.all(signs > 0):
             return name
-        return f"-{name}" if np.all((signs == -1) | (signs == 2)) else f"({name} < {literal(0.0, self.real)}) ? -{name} : {name}"
+        if np.all((signs == -1) | (signs == 2)):
+            return f"-{name}"
+        return f"({name} < {literal(0.0, self.real)}) ? -{name} : {name}"
 
 
 def body(v: Varying, modes: Array, name: str) -> Straight:
