@@ -55,6 +55,8 @@ static void plant(bench *b, uint32_t what)
         b->s.box_hi[i] = (what == 0U) ? whole.box_hi[i] : ((what == 3U) ? (b->s.box_lo[i] + (part / 100)) : far);
     }
 }
+#elif CASE_POLYTOPIC
+#include "polytopic_plant.h"
 #else
 /*
  * Framers around everything (0), or far off on either side (1, 2), or anything between (3). An estimate whose set is
@@ -186,7 +188,7 @@ static uint32_t outside(const T(out) *out)
         raw |= ((out->r_lo[i] > 0) || (out->r_hi[i] < 0)) ? bit_of(i) : 0U;
 #elif CASE_FILTER
         raw |= ((out->f_hat[i] > out->f_bound[i]) || (out->f_hat[i] < -out->f_bound[i])) ? ((uint32_t)1U << i) : 0U;
-#elif CASE_POINT
+#elif CASE_POINT || CASE_POLYTOPIC
         raw |= ((out->r[i] > out->r_bound[i]) || (out->r[i] < -out->r_bound[i])) ? ((uint32_t)1U << i) : 0U;
 #else
         raw |= ((out->r_lo[i] > 0) || (out->r_hi[i] < 0)) ? ((uint32_t)1U << i) : 0U;
@@ -194,8 +196,8 @@ static uint32_t outside(const T(out) *out)
     }
 #if CASE_BOXES
     raw |= ((out->raw != 0U) && (out->age != M(OLDEST))) ? ~0U : 0U;
-#elif CASE_FILTER
-    CHECK(M(BITS) == M(NF));
+#elif FOLLOWS
+    CHECK(M(BITS) == CHECKED);
 #elif CASE_POINT
     raw |= out->raw & ~(((uint32_t)1U << M(NY)) - 1U); /* outside of the set, within every bound: tests/sil */
 #else
@@ -216,7 +218,7 @@ static int starts_again(const T(state) *s)
     T(reset)(&whole);
     return same_bytes(s->box_lo, whole.box_lo, sizeof(whole.box_lo)) && same_bytes(s->alive, whole.alive, sizeof(whole.alive))
         && same_bytes(s->box_hi, whole.box_hi, sizeof(whole.box_hi));
-#elif CASE_FILTER
+#elif FOLLOWS
     static const uint32_t nothing;
 
     return same_bytes(&s->since, &nothing, sizeof(nothing));
@@ -257,12 +259,12 @@ static int measured(bench *b, expected *e)
     alarm = expect_alarm(e, b->out.raw);
     again = (b->out.raw != 0U) ? ((e->run + 1U) >= CASE_RECOVER) : (e->run > 0U);
     e->run = (again || (b->out.raw == 0U)) ? 0U : (e->run + 1U);
-#if CASE_FILTER /* starts at the end of a fault only, however long it lasts */
+#if FOLLOWS /* starts at the end of a fault only, however long it lasts */
     e->run = ((again != 0) && (b->out.raw != 0U)) ? 1U : e->run;
     again = (again != 0) && (b->out.raw == 0U);
 #endif
     CHECK((b->out.alarm == alarm) && (b->out.latched == e->latched) && (b->s.run == e->run));
-    CHECK(b->out.assured == ((b->out.raw == 0U) ? undisturbed(e) : 0U));
+    CHECK(b->out.assured == ((b->out.raw == 0U) ? (undisturbed(e) & in_force(&b->out)) : 0U));
     CHECK((again == 0) || starts_again(&b->s)); /* the cut alone may leave the whole range as well */
 #if CASE_HAS_PHASE
     CHECK(b->s.phase == ((again != 0) ? 0U : 2U));
@@ -280,7 +282,7 @@ static int missing(bench *b, expected *e)
     expect_dwell(e, *told(&b->in));
     CHECK(same_dwell(&b->s, e) == 0);
     CHECK((b->out.raw == 0U) && (b->out.alarm == 0U) && (b->out.latched == e->latched));
-    CHECK((b->s.run == e->run) && (b->out.assured == undisturbed(e)));
+    CHECK((b->s.run == e->run) && (b->out.assured == (undisturbed(e) & in_force(&b->out))));
     for (uint32_t i = 0U; i < CHECKED; i++)
     {
         CHECK((r_least(&b->out, i) <= 0) && (r_least(&b->out, i) >= 0));
@@ -347,7 +349,7 @@ static int a_fault_that_stays(void)
         plant(&b, 1U + (k % 2U));
         CHECK(measured(&b, &e) == 0);
         CHECK(b.out.raw != 0U);
-#if !CASE_FILTER
+#if !FOLLOWS
         CHECK(b.s.run == (k % CASE_RECOVER));
 #endif
     }

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import filter_designs, modes, points
+from . import filter_designs, modes, points, polytopes
 from .algebra.dwell import ratio, shortest
 from .analysis.detectability import SureFault, limited, surely_detected
 from .analysis.quick import QuickJudge
@@ -124,6 +124,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     """
     if options != plant.options:  # how it is sampled is one of them; the plant keeps its sampled form where it can
         plant = replace(plant, options=dict(options))
+    if plant.polytope is not None:
+        method = method or polytopes.default(plant)
     methods = [method] if method else [name for name, m in METHODS.items() if m.automatic]
     for name in methods:
         if name not in METHODS:
@@ -134,6 +136,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
                           "is true). Leave one of them out.")
     if method and METHODS[method].estimates_mode:
         return modes.designed(plant, method, options, progress)
+    if method and METHODS[method].family == "polytopic":
+        return polytopes.designed(plant, method, options, progress)
     trials, reasons = [], []
     for name in methods:
         reason = METHODS[name].module.inapplicable(plant)
@@ -317,6 +321,7 @@ def supervision(plant: Plant, cert: dict) -> Supervision:
     t, dwell = plant.target, {}
     if cert["kind"] == "filter":
         dwell = {k: cert[k] for k in ("dwell_add", "dwell_drain", "dwell_limit")}
+        dwell |= {"assures": "calibration" not in cert}
     elif cert["kind"] in ("linf", "hinf") and cert["dwell_add"] > cert["dwell_drain"] and cert["rho"] > 1:
         dwell = {"dwell_add": cert["dwell_add"], "dwell_drain": cert["dwell_drain"],
                  "dwell_limit": int(cert["chatter"] * cert["dwell_add"])}

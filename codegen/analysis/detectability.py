@@ -18,8 +18,8 @@ from itertools import product
 import numpy as np
 
 from ..algebra.dwell import admissible
-from ..observers import FilterTables, PointTables
-from . import filter_detection, point_detection, robust
+from ..observers import FilterTables, PointTables, PolytopicTables
+from . import filter_detection, point_detection, polytopic_detection, robust
 from .adjoint import ResidualModel, extremes, fault_response
 
 Array = np.ndarray
@@ -90,7 +90,11 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
         found = point_detection.thresholds(plant, t, cert, within)
         return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
     if isinstance(t, FilterTables):
-        found = filter_detection.thresholds(plant, t, within)
+        calibrated = cert.get("calibration")
+        found = filter_detection.thresholds(plant, t, within, calibrated and np.array(calibrated["guaranteed"]))
+        return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
+    if isinstance(t, PolytopicTables):
+        found = polytopic_detection.thresholds(plant, t, within)
         return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
     tails = ultimate_errors(cert)
     infinite = tuple([np.inf] * (within + 1))

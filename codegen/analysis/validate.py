@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import PlantError
-from ..observers import FilterTrace, Trace
+from ..observers import Trace
 from ..observers.supervisor import BAD_INPUT, BAD_MODE, BAD_PARAMETER
 from ..plant.model import Plant, PlantTrace, Scenario
 from ..plant.simulate import simulate
@@ -54,6 +54,8 @@ class Outcome:
     episodes : list of Episode
     late : int
         Samples at which a mode was decided for that is certified to be ruled out by then.
+    chance : int
+        As ``false_alarms``, of thresholds that are calibrated and promise none.
     """
 
     scenario: Scenario
@@ -65,6 +67,7 @@ class Outcome:
     settled: Array
     episodes: list[Episode]
     late: int = 0
+    chance: int = 0
 
     @property
     def passed(self) -> bool:
@@ -120,7 +123,7 @@ def episodes(f: Array, raw: Array, names: tuple[str, ...], tail: int) -> list[Ep
 def judge(plant: Plant, scenario: Scenario, truth: PlantTrace, trace: Trace, differences: list[str]) -> Outcome:
     """Hold one run against the promise."""
     raw = trace.raw_bits != 0
-    estimates = isinstance(trace, FilterTrace)  # nothing starts again while it sees a fault; it has no bounds of x
+    estimates = not trace.bounded  # nothing starts again while it sees a fault; it has no bounds of x
     sound = sound_samples(truth.f, trace, np.iinfo(int).max if estimates else plant.target.recover)
     settled = sound & ~np.any(truth.f != 0, axis=1)
     done = trace.status == 0
@@ -183,6 +186,8 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
         own = (i, slice(len(truth.q)))
         trace = traces.row(own)
         outcome = judge(plant, scenario, truth, trace, trace.differs(references.row(own)))
+        if not design.observer.supervision.assures:
+            outcome = replace(outcome, false_alarms=0, chance=outcome.false_alarms)
         cert = design.certificate[driver.real]
         if cert["kind"] == "mode":
             outcome = replace(outcome, late=late(plant.kind, cert, truth, trace, outcome.settled))

@@ -73,10 +73,10 @@ def assumed(design, tables, monitors_dwell: bool) -> tuple[str, ...]:
     told = "its true mode from this sample to the next" if not plant.switching.late else (
         "its mode from this sample to the next or still that of the step before; every mode is told for a sample at "
         "least")
-    given = f"and in->mode is {told}" if plant.switching.known else (
-        "with one of its modes active at any instant" if plant.kind == "continuous" else
-        "with one of its modes active from each sample to the next")
-    items = [f"The plant is the one of the plant file, {given}.",
+    given = f", and in->mode is {told}" if plant.switching.known else (
+        ", with one of its modes active at any instant" if plant.kind == "continuous" else
+        ", with one of its modes active from each sample to the next")
+    items = [f"The plant is the one of the plant file{given if plant.modes else ''}.",
              f"Every sample period ({period}) there is exactly one call of step or predict.",
              "At the call of init the state is in its initial box; at all times it is in its range. The range "
              + ("cuts the bounds in every call." if tables.clamp else
@@ -187,7 +187,8 @@ def alarm(s, prefix: str, noun: str) -> tuple[str, ...]:
             "out->latched repeats out->alarm, and keeps it over predict.")
     text = (f"Debounce: {rule}. {keep} {noun.capitalize()} that have met a fault are worthless: they restart from the "
             f"declared ranges at the first sample within bounds{far}. "
-            + (f"assured returns after {prefix}_reset only: a fault that goes on may be absorbed by the restarted "
+            + ("assured is never set: the thresholds are calibrated." if not s.assures else
+               f"assured returns after {prefix}_reset only: a fault that goes on may be absorbed by the restarted "
                f"{noun}." if s.latch else
                f"assured returns after {s.hold} samples within bounds, on the assumption that the fault is over by "
                "then."))

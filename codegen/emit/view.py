@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import EmitError
-from ..observers import DrivenTables, FilterTables, ModeTables, PointTables
-from . import driven_parts, families, filter_parts, framer_parts, manual, mode_parts, point_parts
+from ..observers import DrivenTables, FilterTables, ModeTables, PointTables, PolytopicTables
+from . import driven_parts, families, filter_parts, framer_parts, manual, mode_parts, point_parts, polytopic_parts
 from .cprint import C_TYPE, check_prefix, comment, initialiser, literal, macro_names
 from .layouts import LAYOUTS
 from .manual import Bit, Channel, Manual
@@ -150,9 +150,9 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
     _check_choice("real", real, design.observer.tables)
     _check_choice("layout", layout, LAYOUTS)
     t = design.observer.tables[real]
-    names = Names(check_prefix(target.prefix), target.prefix.upper(), real,
-                  tuple(comment(m.name) for m in plant.modes),
-                  tuple(f"{target.prefix.upper()}_MODE_{n}" for n in macro_names(m.name for m in plant.modes)))
+    modes = [m.name for m in plant.modes] or ["the plant"]  # a polytopic plant has none
+    names = Names(check_prefix(target.prefix), target.prefix.upper(), real, tuple(comment(m) for m in modes),
+                  tuple(f"{target.prefix.upper()}_MODE_{n}" for n in macro_names(modes)))
     x = manual.channels(plant.x, t.x_lo, t.x_hi, real, "x")
     u = manual.channels(plant.u, t.u_lo, t.u_hi, real, "u")
     theta = parameters(plant, t, real)
@@ -187,7 +187,8 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
         recover=max(s.recover, 1), hold=(f"{s.hold}U",) if s.counts_hold else (),
         dwell=(Dwell(f"{s.dwell_add}U", f"{s.dwell_drain}U", f"{s.dwell_limit}U"),) if s.monitors_dwell else (),
         remember=("s->mode = in->mode;",) if fields.has_mode else (),
-        assured=_truth(["(!fault)", *quiet]), assured_blind=_truth(quiet),
+        assured=_truth(["(!fault)", *quiet]) if s.assures else "0U",
+        assured_blind=_truth(quiet) if s.assures else "0U",
         late=own.late, move=own.move,
         last_items=_last_items(names, bool(theta)),
         last_status=f"{names.macro}_BAD_{'PARAMETER' if theta else 'OUTPUT'}",
@@ -201,6 +202,8 @@ def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
         faults = manual.channels(design.plant.f, *(side.astype(t.dtype) for side in design.plant.limits("f")), t.real,
                                  "f_hat")
         return filter_parts.parts(t, s, names, signals, layout, faults)
+    if isinstance(t, PolytopicTables):
+        return polytopic_parts.parts(t, s, names, signals)
     make = (driven_parts.parts if isinstance(t, DrivenTables) else mode_parts.parts if isinstance(t, ModeTables) else
             point_parts.parts if isinstance(t, PointTables) else framer_parts.parts)
     return make(design.observer.family, t, s, names, signals, layout)

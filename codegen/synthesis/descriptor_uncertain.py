@@ -13,8 +13,8 @@ e = eb - T2 Dd d, r = C eb + Dt d: linear in P1 and P1 K_j, and one inequality p
 All factors are [T1 T2] + Z F with F the left kernel of [E 0; C Dd]; with P1 Z as a variable the condition stays linear.
 T2 of least norm alone throws the algebraic equations away (T1 has zero columns for them).
 
-Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, Theorem 3.3.1 and Corollary 3.3.1. Differences
-from the print:
+Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, Theorem 3.3.1 and Corollary 3.3.1.
+Differences from the print:
 
 * the last block of (3.53) is -I (printed -gamma^2 I, with which the level would be its root); P2' B_i for P2 B_i; the
   (1, 4) block of (3.61) is there; P1 > 0.
@@ -31,12 +31,22 @@ import cvxpy as cp
 import numpy as np
 
 from ..errors import DesignError
+from . import descriptor_problem
 from .descriptor_lmi import MARGIN, Bounds, DescriptorDesign, Storage, euler, he, minus, negative, solve
 from .descriptor_problem import DescriptorProblem, factors, visible
 
 Array = np.ndarray
+#: Options of ``[observer]``: decay rate (1/s), bound of the gains in the units of the design, what the level is of,
+#: whether T1 and T2 are chosen or of least norm, rows of the set behind the thresholds, delay of sure alarms.
+OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "channel": ("state", "residual"), "factors": ("free", "least"),
+           "set_rows": (4, 400), "within": (0, 50)}
 INVISIBLE = ("rank [E; C] is less than the number of states: no T1, T2 with T1 E + T2 C = I exist, an algebraic state "
              "is not seen by the outputs. Measure it, or use descriptor-direct.")
+
+
+def inapplicable(plant) -> str | None:
+    """Why a plant cannot have this observer, with what to change; None if it can."""
+    return descriptor_problem.inapplicable(plant)
 
 
 def design(problem: DescriptorProblem, bounds: Bounds, free: bool = True) -> DescriptorDesign:

@@ -8,10 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from codegen.descriptors import design_observer, problem_and_scaling, sampled_observer
+from codegen.designs import Design, read_design
+from codegen.observers import PolytopicObserver, Supervision
 from codegen.plant.load import load
+from codegen.polytopic_designs import certified, check, propose
 from codegen.synthesis.descriptor_lmi import Bounds
 from codegen.synthesis.descriptor_problem import DescriptorProblem, kernel_of
 
+from .scripts import GENERATED as FOLDERS
+
+GENERATED = FOLDERS[0].parent
 GALLERY = Path(__file__).parents[2] / "codegen" / "gallery"
 DECAY, GAIN = 3.0, 10.0
 
@@ -51,6 +57,19 @@ def _sampled(name, real):
     p, s = problem_and_scaling(plant(name))
     period = plant(name).sample_period
     return sampled_observer(p, "descriptor-uncertain", Bounds(GAIN, p.slowest() / 2, period), period, real, s)
+
+
+@lru_cache
+def made(name: str):
+    """The committed design of a gallery plant; else one in float32 alone."""
+    folder, method = GENERATED / f"{name}_descriptor-uncertain", "descriptor-uncertain"
+    if folder.exists():
+        return read_design(folder)
+    p, real = plant(name), "float32"
+    t, cert = certified(p, propose(p, method, {}), {}, real)
+    faults = [{"channel": f.name, "unit": f.unit, "by_delay": [None]} for f in p.f]
+    return Design(p, method, PolytopicObserver({real: t}, Supervision()), {real: cert}, {real: check(p, t, cert)},
+                  {real: faults})
 
 
 def frozen_gain(problem: DescriptorProblem, gains, pair) -> float:
