@@ -32,15 +32,7 @@ static void plant(bench *b, uint32_t what)
 
     T(reset)(&whole);
 #if CASE_HAS_FRAMES
-    b->s.framed = (what == 3U) ? draw(1U << M(MODES)) : 0U; /* 0: the bounds of a mode start from its boxes */
-    b->s.measured = draw(2U);
-    for (uint32_t i = 0U; i < M(NFRAME); i++)
-    {
-        const T(real) middle = (x_hi[0] - x_lo[0]) * (((T(real))draw(4000U) / 1000) - 2);
-
-        b->s.frame_lo[i] = middle - ((x_hi[0] - x_lo[0]) * ((T(real))draw(3000U) / 1000));
-        b->s.frame_hi[i] = middle - ((x_hi[0] - x_lo[0]) * ((T(real))draw(2000U) / 1000));
-    }
+    plant_frames(b, what == 3U, draw);
 #endif
     for (uint32_t q = 0U; q < M(MODES); q++)
     {
