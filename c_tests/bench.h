@@ -180,4 +180,20 @@ static inline void start(bench *b)
     T(init)(&b->s);
 }
 
+#if CASE_HAS_FRAMES
+/* Bounds of modes anywhere, crossed ones too, of any modes if asked for; else they start from the boxes. */
+static inline void plant_frames(bench *b, int live, uint32_t (*drawn_below)(uint32_t))
+{
+    b->s.framed = (live != 0) ? drawn_below(1U << M(MODES)) : 0U;
+    b->s.measured = drawn_below(2U);
+    for (uint32_t i = 0U; i < M(NFRAME); i++)
+    {
+        const T(real) middle = (x_hi[0] - x_lo[0]) * (((T(real))drawn_below(4000U) / 1000) - 2);
+
+        b->s.frame_lo[i] = middle - ((x_hi[0] - x_lo[0]) * ((T(real))drawn_below(3000U) / 1000));
+        b->s.frame_hi[i] = middle - ((x_hi[0] - x_lo[0]) * ((T(real))drawn_below(2000U) / 1000));
+    }
+}
+#endif
+
 #endif

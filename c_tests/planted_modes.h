@@ -9,6 +9,9 @@ static void plant(bench *b, uint32_t what)
     T(state) whole;
 
     T(reset)(&whole);
+#if CASE_HAS_FRAMES
+    plant_frames(b, what == 3U, draw);
+#endif
     for (uint32_t q = 0U; q < M(MODES); q++)
     {
         b->s.alive[q] = (what == 3U) ? (1U + draw(whole.alive[q])) : whole.alive[q];

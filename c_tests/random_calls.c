@@ -144,6 +144,15 @@ static void any_framers(T(state) *s)
     {
         s->alive[q] = draw(2U * whole.alive[q]) | ((draw(2U) == 0U) ? whole.alive[q] : 0U);
     }
+#if CASE_HAS_FRAMES
+    for (uint32_t i = 0U; i < M(NFRAME); i++)
+    {
+        s->frame_lo[i] = between(x_lo[i % M(NX)], x_hi[i % M(NX)]);
+        s->frame_hi[i] = between(s->frame_lo[i], x_hi[i % M(NX)]);
+    }
+    s->framed = draw(1U << M(MODES));
+    s->measured = draw(2U);
+#endif
     s->decided = draw(M(MODES));
 }
 #elif CASE_SLIDING

@@ -54,6 +54,7 @@ def case(record: dict) -> str:
              "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members,
              "polytopic": record["family"] == "polytopic", "holds_faults": "faults" in record,
              "boxes": "alive" in members, "sliding": "level" in members,
+             "has_frames": "frame_lo" in members,
              "has_origin": "origin" in members, "has_shape": "shape" in members,
              "square_shape": record["family"].startswith("ellipsoid"), "signed_shape": record["family"] != "box",
              "told": "mode" in {name for name, _, _ in record["in"]},

@@ -10,12 +10,13 @@ from typing import Any
 
 from . import __version__, filter_designs, polytopic_designs, tracking_designs
 from .analysis.detectability import surely_detected
-from .certify import mode_certificate, set_claims, sliding_claims
+from .certify import driven_certificate, mode_certificate, set_claims, sliding_claims
 from .certify.claims import check, check_monitor, check_ranges, digest
 from .certify.freeze import limits
 from .errors import CertificateError, PlantError, ResiduaError
 from .observers import (
     FAMILIES,
+    DrivenTables,
     FilterTables,
     ModeTables,
     PointTables,
@@ -24,6 +25,7 @@ from .observers import (
     SlidingTables,
     Supervision,
 )
+from .plant.bounded import bounded
 from .plant.load import loads
 from .plant.model import Plant
 
@@ -187,8 +189,10 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
     ------
     CertificateError
     """
+    if isinstance(t, DrivenTables):
+        return driven_certificate.check(bounded(plant), plant.observed.modes, t, cert)
     if isinstance(t, ModeTables):
-        return mode_certificate.check(plant, t, cert)
+        return mode_certificate.check(bounded(plant), t, cert)
     if isinstance(t, SlidingTables):
         return sliding_claims.check(plant, t, cert)
     if isinstance(t, FilterTables):

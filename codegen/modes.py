@@ -8,9 +8,11 @@ from contextlib import suppress
 from .certify import mode_certificate
 from .designs import Design, claims_of
 from .errors import CertificateError, DesignError
-from .observers import FAMILIES, ModeTables, Supervision
+from .observers import FAMILIES, DrivenTables, ModeTables, Supervision
+from .plant.bounded import bounded
 from .plant.model import Plant
 from .synthesis import METHODS
+from .synthesis.driven_tables import joined
 from .synthesis.mode_set import HORIZON, OLDEST
 from .synthesis.mode_tables import tables_of
 
@@ -22,6 +24,7 @@ def certified(plant: Plant, options: dict, real: str, ages: int | None, widths=N
     ------
     CertificateError
     """
+    plant = bounded(plant)
     most = min(OLDEST, max(mode_certificate.dwell_samples(plant) - 1, 1))
     t = tables_of(ModeTables, plant, most if ages is None else ages, real)
     return mode_certificate.prove(plant, t, int(options.get("horizon", HORIZON)), most if ages is None else None,
@@ -54,23 +57,76 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
     reason = METHODS[name].module.inapplicable(plant)
     if reason is not None:
         raise DesignError(f'{plant.name}: method "{name}" does not apply: {reason}')
+    tables, certs = both(plant, options, lambda text: progress(f"{name}: {text}"))
+    t = tables[plant.target.real]
+    choice = [{"method": name, "design": f"hypotheses of {t.ages + 1} ages", "level": None, "relative_width": None,
+               "surely_detected": [None] * plant.n_f, "chosen": True}]
+    return assembled(plant, name, METHODS[name].family, tables, certs, choice, options)
+
+
+def both(plant: Plant, options: dict, progress: Callable[[str], None]) -> tuple[dict, dict]:
+    """Tables of the estimator and certificates, by number type, that of the plant file first.
+
+    Raises
+    ------
+    CertificateError
+        As ``designed``.
+    """
     wanted = plant.target.real
-    progress(f"{name}: delays of every pair of modes ({wanted})")
+    progress(f"delays of every pair of modes ({wanted})")
     try:
         t, cert = certified(plant, options, wanted, int(options["ages"]) if "ages" in options else None)
     except CertificateError as error:
         raise CertificateError(f"{plant.name}: {error}") from None
     tables, certs = {wanted: t}, {wanted: cert}
     other = "float64" if wanted == "float32" else "float32"
-    progress(f"{name}: delays of every pair of modes ({other})")
+    progress(f"delays of every pair of modes ({other})")
     with suppress(CertificateError):  # the other number type may be too coarse; generate says so when asked for it
         tables[other], certs[other] = certified(plant, options, other, t.ages, cert["widths"])
-    tables, certs = ({real: by[real] for real in ("float32", "float64") if real in by} for by in (tables, certs))
+    return tables, certs
+
+
+def driven(plant: Plant, name: str, told: dict, proofs: dict, choice: list, options: dict,
+           progress: Callable[[str], None]) -> Design:
+    """Framers that are told their mode, driven by the set of modes that are possible.
+
+    Parameters
+    ----------
+    plant : Plant
+    name : str
+        Method of the framers.
+    told, proofs : dict
+        real -> tables of the framers, and their certificate.
+    choice : list of dict
+        What was tried.
+    options : dict
+    progress : callable
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    DesignError, CertificateError
+        As ``designed``; framers in other coordinates.
+    """
+    if any(t.change is not None for t in told.values()):
+        raise DesignError(f'{plant.name}: coordinates = "change" is not to be had where the mode is not known, whose '
+                          'framers are joined in x; expected "none".')
+    tables, certs = both(plant, options, lambda text: progress(f"{name}: {text}"))
+    shared = [real for real in tables if real in told]
+    return assembled(plant, name, "driven", {r: joined(DrivenTables, tables[r], told[r]) for r in shared},
+                     {r: certs[r] | {"told": proofs[r]} for r in shared}, choice, options)
+
+
+def assembled(plant: Plant, name: str, family: str, tables: dict, certs: dict, choice: list, options: dict) -> Design:
+    """A design of tables and certificates; no fault is promised to be found."""
     target = plant.target
     supervision = Supervision(debounce=target.debounce, latch=target.latch, recover=target.recover, hold=target.hold)
-    choice = [{"method": name, "design": f"hypotheses of {t.ages + 1} ages", "level": None, "relative_width": None,
-               "surely_detected": [None] * plant.n_f, "chosen": True}]
-    faults = [{"channel": f.name, "unit": f.unit, "by_delay": [None]} for f in plant.f]  # none is promised to be found
-    return Design(plant, name, FAMILIES[METHODS[name].family](tables, supervision), certs,
+    tables, certs = ({real: by[real] for real in ("float32", "float64") if real in by} for by in (tables, certs))
+    choice = [row | {"surely_detected": [None] * plant.n_f} for row in choice]
+    faults = [{"channel": f.name, "unit": f.unit, "by_delay": [None]} for f in plant.f]
+    return Design(plant, name, FAMILIES[family](tables, supervision), certs,
                   {real: claims_of(plant, tables[real], certs[real]) for real in tables},
                   {real: faults for real in tables}, choice, options)

@@ -131,7 +131,8 @@ def run(plant, out=None, method: str | None = None, real: str | None = None, lay
 def period_curve(made: Design, progress: Progress = silent) -> list[PeriodPoint]:
     """Guaranteed width against sampling period, for the method of a design.
 
-    Empty for a discrete plant, and where coordinates are changed: each period would need its own search.
+    Empty for a discrete plant, where coordinates are changed (each period would need its own search), and where nobody
+    tells the mode: what the framers of one mode guarantee is less than what is answered then.
 
     Gains N, relative to what reproduces the measurement, are no larger than the design's: it sees faults as well.
 
@@ -144,7 +145,7 @@ def period_curve(made: Design, progress: Progress = silent) -> list[PeriodPoint]
     -------
     list of PeriodPoint
     """
-    if not METHODS[made.method].framers:
+    if not METHODS[made.method].framers or not made.plant.switching.known:
         return []
     if made.plant.kind != "continuous" or made.observer.tables[made.plant.target.real].change is not None:
         return []

@@ -131,6 +131,9 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
         if name not in METHODS:
             raise DesignError(f"{plant.name}: observer.method is \"{name}\", expected one of {', '.join(METHODS)}.")
     check_options(plant.name, options, known_options(methods))
+    if "modes" in options and plant.switching.known:
+        raise DesignError(f"{plant.name}: observer.modes says how the mode is found, but it is told (switching.known "
+                          "is true). Leave one of them out.")
     if method and METHODS[method].estimates_mode:
         make = sliding.designed if METHODS[method].family == "sliding" else modes.designed
         return make(plant, method, options, progress)
@@ -149,7 +152,7 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     if not trials:
         raise DesignError(reasons[0] if reasons else f"{plant.name}: no design was found.")
     scale = Problem.of(plant, False).f_scale
-    return finish(plant, ranked(trials, options.get("criterion"), plant, scale), options)
+    return finish(plant, ranked(trials, options.get("criterion"), plant, scale), options, progress)
 
 
 def ranked(trials: list[Trial], criterion: str | None, plant: Plant, scale: Array) -> list[Trial]:
@@ -326,7 +329,7 @@ def supervision(plant: Plant, cert: dict) -> Supervision:
     return Supervision(debounce=t.debounce, latch=t.latch, recover=t.recover, hold=t.hold, **dwell)
 
 
-def finish(plant: Plant, trials: list[Trial], options: dict) -> Design:
+def finish(plant: Plant, trials: list[Trial], options: dict, progress: Callable[[str], None]) -> Design:
     """Freeze the winner on both number types and collect everything for design.json."""
     best = trials[0]
     tables, certs, proved, faults = {}, {}, {}, {}
@@ -337,12 +340,16 @@ def finish(plant: Plant, trials: list[Trial], options: dict) -> Design:
         except CertificateError:
             continue  # the other number type may be too coarse; generate says so when asked for it
         tables[real], certs[real] = t, cert
+        if not plant.switching.known:
+            continue
         proved[real] = claims_of(plant, t, cert)
         within = int(options.get("within", WITHIN))
         faults[real] = [{"channel": f.channel, "unit": f.unit, "by_delay": [finite(x) for x in f.by_delay]}
                         for f in surely_detected(plant, t, cert, within)]
     choice = [t.summary(plant) for t in trials]
     choice[0]["chosen"] = True
+    if not plant.switching.known:
+        return modes.driven(plant, best.method, tables, certs, choice, options, progress)
     family = best.cert.get("set") or METHODS[best.method].family_for(plant)
     observer = FAMILIES[family](tables, supervision(plant, certs[plant.target.real]))
     return Design(plant, best.method, observer, certs, proved, faults, choice, options)

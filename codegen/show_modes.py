@@ -6,6 +6,7 @@ import numpy as np
 from rich.table import Table
 
 from .analysis.mode_distinguishability import MOST, distinguishability, inapplicable
+from .plant.bounded import bounded
 from .plant.model import Plant
 
 
@@ -19,6 +20,8 @@ def telling(p: Plant, out) -> None:
     """
     if p.n_modes < 2:
         return
+    if not p.switching.known and p.polytope is None and not any(set(m.theta_terms) - {"A", "B"} for m in p.modes):
+        p = bounded(p)  # what the estimator sees of parameters
     reason = inapplicable(p)
     if reason is not None:
         out.print(f"\ntelling modes apart, if nobody tells the mode: not tested: {reason}")

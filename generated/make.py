@@ -17,7 +17,7 @@ KEEP = ("design.json", ".h", ".c", ".g", "resources.json")
 DESIGNS = (("cart", "tnl-interval"), ("digester", "descriptor-fault-estimation"), ("disc", "descriptor-uncertain"),
            ("emps", "tnl-interval"),
            ("farhat", "hinf-filter"), ("press", "tnl-interval"), ("quadrotor", "tracking"),
-           ("relay", "tnl-interval"), ("vehicle", "hinf-filter"),
+           ("relay", "tnl-interval"), ("valve", "lpv-interval"), ("vehicle", "hinf-filter"),
            ("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"), ("buck", "tnl-interval-lpv"),
            ("chevet", "tnl-interval-lpv"), ("hoist", "tnl-interval-lpv"), ("lamouchi", "component-interval"),
            ("lamouchi_coordinates", "component-interval"), ("motor", "tnl-interval-lpv"),

@@ -4,16 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..observers import ModeTrace, SlidingTrace
+from ..observers import SlidingTrace
 
 Array = np.ndarray
 
 
-def dropped(truth, trace) -> Array:
+def acting(kind: str, q: Array) -> Array:
+    """The mode of every sample: of a discrete plant, whose q[k] acts from sample k on, that of the step before it."""
+    return np.concatenate([q[:1], q[:-1]]) if kind == "discrete" else q
+
+
+def keeps_the_true_mode(trace) -> bool:
+    """Whether a trace has a set of modes that holds the true one, and bounds cut with every measurement."""
+    return hasattr(trace, "mode_set") and not isinstance(trace, SlidingTrace)
+
+
+def dropped(kind: str, truth, trace) -> Array:
     """Samples at which the true mode is not among those called possible; none of other observers, or of records.
 
     Parameters
     ----------
+    kind : {"discrete", "continuous"}
     truth : PlantTrace
     trace : Trace or ModeTrace
 
@@ -21,9 +32,9 @@ def dropped(truth, trace) -> Array:
     -------
     ndarray (K,) bool
     """
-    if not isinstance(trace, ModeTrace) or np.isnan(truth.x).all():  # of a record nobody knows
+    if not keeps_the_true_mode(trace) or np.isnan(truth.x).all():  # of a record nobody knows
         return np.zeros(len(truth.q), dtype=bool)
-    return (trace.mode_set.astype(np.int64) >> truth.q) & 1 == 0
+    return (trace.mode_set.astype(np.int64) >> acting(kind, truth.q)) & 1 == 0
 
 
 def unbound(truth, trace) -> Array:
@@ -45,11 +56,12 @@ def unbound(truth, trace) -> Array:
     return out
 
 
-def late(cert: dict, truth, trace, settled: Array) -> int:
+def late(kind: str, cert: dict, truth, trace, settled: Array) -> int:
     """Samples at which the decision is wrong though the certificate says that it is right by then.
 
     Parameters
     ----------
+    kind : {"discrete", "continuous"}
     cert : dict
         Of the number type that ran.
     truth : PlantTrace
@@ -61,7 +73,7 @@ def late(cert: dict, truth, trace, settled: Array) -> int:
     -------
     int
     """
-    q, found = truth.q, 0
+    q, found = acting(kind, truth.q), 0
     whole = settled & (trace.status == 0) & ~np.isnan(trace.r_lo).any(axis=1)
     edges = [0, *(np.flatnonzero(np.diff(q)) + 1), len(q)]
     for n, (begin, end) in enumerate(zip(edges, edges[1:])):

@@ -16,7 +16,7 @@ from ..observers import Trace
 from ..observers.supervisor import BAD_INPUT, BAD_MODE, BAD_PARAMETER
 from ..plant.model import Plant, PlantTrace, Scenario
 from ..plant.simulate import simulate
-from .mode_promise import dropped, late, unbound
+from .mode_promise import dropped, keeps_the_true_mode, late, unbound
 
 Array = np.ndarray
 
@@ -128,6 +128,8 @@ def judge(plant: Plant, scenario: Scenario, truth: PlantTrace, trace: Trace, dif
     settled = sound & ~np.any(truth.f != 0, axis=1)
     done = trace.status == 0
     found = episodes(truth.f, raw, tuple(s.name for s in plant.f), 3)
+    if keeps_the_true_mode(trace):
+        sound = settled  # such boxes are cut with every measurement, a faulty one too
     if estimates:
         return Outcome(scenario, truth, trace, differences, _beyond(plant, truth, trace), int(np.sum(
             raw & settled & done)), settled, found)
@@ -135,7 +137,7 @@ def judge(plant: Plant, scenario: Scenario, truth: PlantTrace, trace: Trace, dif
     # The simulated truth itself is only good to double precision.
     slack = 1e-12 * np.maximum(np.abs(lo), np.abs(hi))
     outside = np.any((truth.x > trace.x_hi + slack) | (truth.x < trace.x_lo - slack), axis=1) & ~unbound(truth, trace)
-    outside |= dropped(truth, trace)
+    outside |= dropped(plant.kind, truth, trace)
     return Outcome(scenario, truth, trace, differences, int(np.sum(outside & sound & done)),
                    int(np.sum(raw & settled & done)), settled, found)
 
@@ -197,7 +199,7 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
         if not design.observer.supervision.assures and cert["kind"] != "sliding":  # whose alarms are proved
             outcome = replace(outcome, false_alarms=0, chance=outcome.false_alarms)
         if cert["kind"] == "mode":
-            outcome = replace(outcome, late=late(cert, truth, trace, outcome.settled))
+            outcome = replace(outcome, late=late(plant.kind, cert, truth, trace, outcome.settled))
         out.append(outcome)
     return out
 

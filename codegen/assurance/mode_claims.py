@@ -8,7 +8,8 @@ from flint import fmpq
 
 from ..certify import mode_certificate
 from ..certify.exact import Q
-from ..certify.mode_enclosure import check_enclosure
+from ..certify.mode_steps import check_enclosure
+from ..plant.bounded import bounded
 from .margins import Margin, tightest
 
 BOXES = ("Phi", "Gamma", "shift", "reach", "J", "J_u", "J_shift", "J_radius", "J_u_radius", "J_reach", "birth", "limit")
@@ -65,7 +66,7 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
         "every sample: disturbance, the instant of the switch, rounded constants and sums are in what boxes gain.",
         "reach >= |int S e^(A s) w| + lost constants + gamma_k (terms); the jump within J +- J_radius over all of the "
         "period; v, x_room alike for the measurement and the answer", rooms,
-        "codegen.certify.mode_enclosure.check_enclosure", (*BOXES, "D", "v", "x_room", "S_inverse"),
+        "codegen.certify.mode_steps.check_enclosure", (*BOXES, "D", "v", "x_room", "S_inverse"),
         (*own, "validation", "target"))
     yield "a switch is identified within", claim(
         "identified", "After a switch every wrong hypothesis as old as the switch is dead in time: " + story + ".",
@@ -104,6 +105,6 @@ def ranges(design, t, cert: dict, build: type, checks: tuple):
 
 def _rooms(design, t, kinds: dict[str, str]) -> tuple[Margin, ...]:
     """The tightest condition of each kind."""
-    rooms = check_enclosure(design.plant, t)
+    rooms = check_enclosure(bounded(design.plant), t)
     return tuple(tightest(text, [(Q(left), where) for name, left, where in rooms if name == kind])
                  for kind, text in kinds.items())

@@ -13,7 +13,7 @@ import numpy as np
 from ..errors import CertificateError
 from .claims import digest
 from .mode_claims import Claims, ModeDelays
-from .mode_enclosure import check_enclosure
+from .mode_steps import check_enclosure
 
 Array = np.ndarray
 
@@ -72,7 +72,8 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
     return t, {"kind": "mode", "dwell": dwell_samples(plant), "ages": t.ages, "horizon": horizon,
                "old": square(n, found.old), "identified": square(n, found.identified), "quiet": found.quiet,
                "start": found.start, "worst": found.worst, "widths": found.widths.tolist(),
-               **({"restart": found.restart, "calm": found.calm} if restart else {})}
+               **({"restart": found.restart, "calm": found.calm} if restart else {}),
+               **({"switches": "at samples"} if plant.kind == "discrete" else {})}
 
 
 #: Delays by what they follow from: a folder's design is proved more than once in one run.
@@ -146,11 +147,13 @@ def sentences(plant, t, cert: dict) -> list[str]:
         f"{time(cert['restart'])} at the latest, and after {time(cert['calm'])} all that is said of switches holds "
         "again, if neither a switch nor a fault comes before that"]
     pairs = [(i, j) for i in range(len(names)) for j in range(len(names)) if i != j]
+    anywhere = "at any instant" if plant.kind == "continuous" else (
+        "at any sample (a mode that acts from a sample on is in the set at the next one)")
     each = "; ".join(f'"{names[i]}" to "{names[j]}" {cert["old"][i][j]} and {cert["identified"][i][j]}'
                      for i, j in pairs)
     return [
         "the true mode is in mode_set and x_lo <= x <= x_hi at every sample while no fault acts, so that no alarm is "
-        f"false, through switches too, which may fall at any instant, {time(t.ages + 1)} apart at least; all "
+        f"false, through switches too, which may fall {anywhere}, {time(t.ages + 1)} apart at least; all "
         f"rounding is included ({t.real}, with or without fused multiply-add)",
         f"a switch is identified within {time(cert['worst'])}: from then to the next switch mode is the true one, "
         f"where switches are {time(cert['dwell'])} apart at least and no measurement is missing",

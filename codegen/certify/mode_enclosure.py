@@ -55,7 +55,7 @@ class Enclosure:
     Parameters
     ----------
     plant : Plant
-        Continuous, without parameters.
+        Without parameters; continuous here.
     t : ModeTables
     """
 
@@ -184,10 +184,14 @@ class Enclosure:
         lost = lost + self.gamma(self.n + 2) * (size(inverse) @ self.limit + ball(self.t.x_room)) + self.tiny
         self.demand("x_room", self.t.x_room, lost)
 
+    def flow(self, q: int) -> Array:
+        """[x; u; 1] to x over a period of one mode."""
+        return exponential(self.whole[q], self.T)[:self.n]
+
     def transition(self, q: int) -> tuple[Array, Array]:
         """Demand on ``reach``; magnitude of the terms, and what the rounded matrices lose."""
         t, n, n_u = self.t, self.n, self.n_u
-        M = self.S @ exponential(self.whole[q], self.T)[:n] @ self.back
+        M = self.S @ self.flow(q) @ self.back
         Phi, Gamma, shift = ball(t.Phi[q]), ball(t.Gamma[q]), ball(t.shift[q])
         lost = size(M[:, :n] - Phi) @ self.limit + size(M[:, -1] - shift)
         lost = lost + self.times(size(M[:, n:n + n_u] - Gamma), self.u)
@@ -229,26 +233,3 @@ class Enclosure:
         both = largest(self.w[i], self.w[j])
         need = self.reached(j, both, self.S) + lost + g * (base + jump + ball(t.birth[i, j]))
         self.demand(f'birth from mode "{self.names[i]}" to "{self.names[j]}"', t.birth[i, j], size(need))
-
-
-def check_enclosure(plant, t) -> list[tuple[str, float, str]]:
-    """Check that the true mode is never dropped: every constant of the tables is as wide as it must be.
-
-    Parameters
-    ----------
-    plant : Plant
-    t : ModeTables
-
-    Returns
-    -------
-    list of (str, float, str)
-        Per condition: of which constant, what is left of it at least, where.
-
-    Raises
-    ------
-    CertificateError
-        Naming the constant.
-    """
-    enclosure = Enclosure(plant, t)
-    enclosure.check()
-    return enclosure.left

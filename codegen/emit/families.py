@@ -165,7 +165,7 @@ def _signs(lo: Array, hi: Array) -> Array:
 
 
 def _gain_signs(t) -> Array:
-    """Signs of L(theta) over the bounds of theta, 0 where it has both; (N, n_x, n_y).
+    """Signs of L(theta) over the bounds of theta, 0 where it has both, 2 where L is zero; (N, n_x, n_y).
 
     The computed L may be beyond zero by its rounding: the offsets hold that as well. ``room`` is for float64 here.
     """
@@ -173,7 +173,8 @@ def _gain_signs(t) -> Array:
     slopes, base = t.vary.L.astype(float), t.L_hi.astype(float)
     ends = np.minimum(lo * slopes, hi * slopes).sum(axis=1), np.maximum(lo * slopes, hi * slopes).sum(axis=1)
     room = 1e-12 * (np.abs(base) + (np.maximum(np.abs(lo), np.abs(hi)) * np.abs(slopes)).sum(axis=1))
-    return np.where(base + ends[0] > room, 1, np.where(base + ends[1] < -room, -1, 0))
+    zero = (base == 0) & np.all(slopes == 0, axis=1)
+    return np.where(zero, 2, np.where(base + ends[0] > room, 1, np.where(base + ends[1] < -room, -1, 0)))
 
 
 def _inputs(names: Names, *parts) -> tuple[Linear, ...]:

@@ -46,7 +46,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
         noun="framers", header="observer.h.jinja", self_test="harness/test.c.jinja",
         bits=bits, maps=views, state=state,
         out_fields=tuple(Field(*f) for f in families.out_fields(names)), operations=operations,
-        cuts=_cuts(names, t, layout),
+        cuts=cuts(names, t, layout),
         start=assign("s->x_lo", t.x0_lo, t.real) + assign("s->x_hi", t.x0_hi, t.real) + changed,
         whole_range=assign("s->x_lo", t.x_lo, t.real) + assign("s->x_hi", t.x_hi, t.real) + changed,
         crossed=() if t.shared else (bits[-1].macro,), late=_late(names.prefix) if late else (),
@@ -66,7 +66,7 @@ def _move(prefix: str, late: bool) -> Move:
     return Move(f"{prefix}_forward(s, in, out);", f"{prefix}_blind(s, out);")
 
 
-def _cuts(names: Names, t, layout: str) -> tuple[Cut, ...]:
+def cuts(names: Names, t, layout: str) -> tuple[Cut, ...]:
     """The range of x, and that of z where the coordinates are changed."""
     sound = "Cut both framers to the declared range of x: sound as long as the state is in it."
     x = _cut(names, f"{names.prefix}_cut", "x", sound, t.x_lo, t.x_hi, layout)

@@ -26,6 +26,7 @@ class FuzzView:
     """What the harness prints; ``inputs`` is the number of inputs, or nothing without; so ``parameters`` and
     ``told``, the mode.
 
+    ``mode`` is the C of the mode that says which bounds parameters have.
     ``bounds`` is x where the answer has its bounds, ``finite`` are its other vectors of numbers.
     """
 
@@ -35,6 +36,7 @@ class FuzzView:
     inputs: tuple[str, ...]
     parameters: tuple[str, ...]
     told: tuple[str, ...]
+    mode: str
     bounds: tuple[str, ...]
     finite: tuple[str, ...]
 
@@ -61,9 +63,10 @@ def fuzz_harness(record: dict) -> str:
     ranges = tuple(Range(name, f"[][{macro}_NTHETA]" if name.startswith("theta") else "[]",
                          initialiser(np.array(record["ranges"][name], dtype=real), real))
                    for name in RANGES if record["ranges"].get(name))
+    told = tuple(name for name, *_ in record["in"] if name == "mode")
     return render("harness/fuzz.c.jinja", h=FuzzView(record["prefix"], macro, ranges,
                                                      (f"{macro}_NU",) if record["n_u"] else (),
                                                      (f"{macro}_NTHETA",) if record["n_theta"] else (),
-                                                     tuple(name for name, *_ in record["in"] if name == "mode"),
+                                                     told, "in->mode" if told else "0U",
                                                      ("x",) if "x_lo" in answers else (),
                                                      () if "x_lo" in answers else ("f_hat", "f_bound")))

@@ -52,7 +52,8 @@ WIDE_TAIL = (*TAIL, (True, 1), (True, 0), (False, 1), (True, 2), (True, 0), (Fal
 
 def tail(t) -> tuple[tuple[bool, int], ...]:
     """Return the samples of the tail in one mode."""
-    return TAIL if t.vary is None or isinstance(t, PolytopicTables) else WIDE_TAIL
+    # Boxes of S x, and estimates, have no bounds of x to put to the ends.
+    return TAIL if t.vary is None or isinstance(t, ModeTables | PolytopicTables) else WIDE_TAIL
 
 
 def steps_of(t) -> int:

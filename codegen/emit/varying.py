@@ -50,7 +50,7 @@ class Varying:
         Stem of the C arrays with the bounds of x that the radii are taken from.
     L_sign, x_sign, u_sign : ndarray (N, rows, n_y), (n_x,), (n_u,)
         1 or -1 where L, x or u keep that sign over the bounds of theta or their ranges, so that a magnitude needs no
-        comparison; else 0.
+        comparison; 2 where L is zero; else 0.
     products : tuple of (int, int)
         Parameters behind those of ``theta``: th_j * th_k.
     paced : tuple of (str, float, float)
@@ -159,9 +159,11 @@ class Printer:
 
     def magnitude(self, name: str, signs: Array) -> str:
         """Print |name|; without a comparison where its sign is known in all modes."""
-        if np.all(signs == 1):
+        if np.all(signs > 0):
             return name
-        return f"-{name}" if np.all(signs == -1) else f"({name} < {literal(0.0, self.real)}) ? -{name} : {name}"
+        if np.all((signs == -1) | (signs == 2)):
+            return f"-{name}"
+        return f"({name} < {literal(0.0, self.real)}) ? -{name} : {name}"
 
 
 def body(v: Varying, modes: Array, name: str) -> Straight:

@@ -11,8 +11,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import EmitError
-from ..observers import FilterTables, ModeTables, PointTables, PolytopicTables, SlidingTables
-from . import families, filter_parts, framer_parts, manual, mode_parts, point_parts, polytopic_parts, sliding_parts
+from ..observers import DrivenTables, FilterTables, ModeTables, PointTables, PolytopicTables, SlidingTables
+from . import (
+    driven_parts,
+    families,
+    filter_parts,
+    framer_parts,
+    manual,
+    mode_parts,
+    point_parts,
+    polytopic_parts,
+    sliding_parts,
+)
 from .cprint import C_TYPE, check_prefix, comment, initialiser, literal, macro_names
 from .layouts import LAYOUTS
 from .manual import Bit, Channel, Manual
@@ -204,7 +214,7 @@ def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
         return filter_parts.parts(t, s, names, signals, layout, faults)
     if isinstance(t, PolytopicTables):
         return polytopic_parts.parts(t, s, names, signals)
-    make = (mode_parts.parts if isinstance(t, ModeTables) else
+    make = (driven_parts.parts if isinstance(t, DrivenTables) else mode_parts.parts if isinstance(t, ModeTables) else
             sliding_parts.parts if isinstance(t, SlidingTables) else
             point_parts.parts if isinstance(t, PointTables) else framer_parts.parts)
     return make(design.observer.family, t, s, names, signals, layout)

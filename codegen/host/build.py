@@ -153,4 +153,4 @@ ALWAYS = ("x_hat", "x_lo", "x_hi")
 MEASURED = ("r_lo", "r_hi", "r", "r_bound", "f_hat", "f_bound")
 WORDS = ("mode", "mode_set", "settled_set", "candidate", "age", "inside", "settled")
 VECTORS = frozenset({*START, *ALWAYS, *MEASURED, "u", "y", "theta", "history", "xi", "alive", "z", "shown_lo",
-                     "shown_hi", "twist_lo", "twist_hi", "rate_lo", "rate_hi", "level"})
+                     "shown_hi", "frame_lo", "frame_hi", "twist_lo", "twist_hi", "rate_lo", "rate_hi", "level"})

@@ -3,6 +3,7 @@
 from .blocks import BlockObserver, BlockTables
 from .box import BoxObserver, BoxTables
 from .coordinates import Coordinates
+from .driven import DrivenObserver, DrivenTables
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
 from .ellipsoid_trace import EllipsoidTraceObserver, TraceTables
 from .filter import FilterObserver, FilterTables
@@ -26,12 +27,13 @@ from .zonotope import ZonotopeObserver, ZonotopeTables
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
             "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
-            "filter": FilterObserver, "mode": ModeObserver, "polytopic": PolytopicObserver, "sliding": SlidingObserver}
+            "filter": FilterObserver, "mode": ModeObserver, "driven": DrivenObserver, "polytopic": PolytopicObserver,
+            "sliding": SlidingObserver}
 
-__all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
-           "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables",
-           "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
-           "PolytopicObserver", "PolytopicTables", "PolytopicTrace",
-           "Runner", "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables", "SlidingTrace",
-           "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables", "Variation",
-           "ZonotopeObserver", "ZonotopeTables"]
+__all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "DrivenObserver",
+           "DrivenTables", "EllipsoidObserver", "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver",
+           "FilterTables", "FilterTrace", "FramerTables", "IntervalObserver", "ModeObserver", "ModeTables",
+           "ModeTrace", "PointObserver", "PointTables", "PointTrace", "PolytopicObserver", "PolytopicTables",
+           "PolytopicTrace", "Runner", "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables",
+           "SlidingTrace", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables",
+           "Variation", "ZonotopeObserver", "ZonotopeTables"]

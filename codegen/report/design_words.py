@@ -96,7 +96,7 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
         why = "the gains were given in the plant file; they were certified, not chosen"
     elif design.certificate[real]["kind"] == "sliding":
         why = sliding_words.CRITERION
-    elif design.certificate[real]["kind"] == "mode":
+    elif design.certificate[real]["kind"] == "mode" and "told" not in design.certificate[real]:
         why = "there is nothing to choose but how many ages are told apart: the fewest that can be certified"
     elif is_polytopic(design, real):
         why = "there is one design: the lowest level within the bounds of gain and decay"
@@ -104,6 +104,7 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
         why = f"of {tried}, the narrowest was kept: there is no fault channel"
     else:
         why = f"of {tried}, {WHY.get(criterion, WHY[''])}"
+        why += "; compared as if the mode were told" * ("told" in design.certificate[real])
     asked = f"“{criterion}” was asked for" if criterion else "none was asked for"
     return (Fact("Method", f"{design.method}: {_family(design)}{_varying(design, real)}"), *own,
             Fact("Criterion", f"{asked}; {why}"),

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
-from ..observers import FilterTables, ModeTables, PointTables, PolytopicTables, SlidingTables
+from ..observers import DrivenTables, FilterTables, ModeTables, PointTables, PolytopicTables, SlidingTables
 from . import filter_words, mode_words, point_words, polytopic_words, sliding_words, words
 from .table import Fact, Folded, Link, Table, table
 
@@ -92,7 +92,9 @@ def gains(design, real: str) -> tuple[Folded, ...]:
     -------
     tuple of Folded
     """
-    t, plant = design.observer.tables[real], design.plant
+    t = design.observer.tables[real]
+    if isinstance(t, DrivenTables):
+        return (*_framers(t.told, design.plant), *mode_words.gains(design, real, _matrix, "The mode estimator: "))
     if isinstance(t, ModeTables):
         return mode_words.gains(design, real, _matrix)
     if isinstance(t, SlidingTables):
@@ -103,6 +105,11 @@ def gains(design, real: str) -> tuple[Folded, ...]:
         return polytopic_words.gains(design, real, _matrix)
     if isinstance(t, PointTables):
         return point_words.gains(design, real, _matrix)
+    return _framers(t, design.plant)
+
+
+def _framers(t, plant) -> tuple[Folded, ...]:
+    """The constants of a pair of framers."""
     x, u, y = ([s.name for s in getattr(plant, vector)] for vector in "xuy")
     sides = ("hi",) if t.shared else ("hi", "lo")
     rows = x if t.change is None else [f"z[{i}]" for i in range(len(x))]  # of the state of the recursion

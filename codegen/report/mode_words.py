@@ -27,7 +27,8 @@ def delays(design, real: str) -> tuple[Table, ...]:
     rows = [(names[i], names[j], words.delay(cert["old"][i][j], T), words.delay(cert["identified"][i][j], T))
             for i in range(len(names)) for j in range(len(names)) if i != j]
     rows.append(("power-up", "any", words.NONE, words.delay(cert["start"], T)))
-    notes = ("From the switch at the latest, wherever it falls between two samples, if switches are at least "
+    wherever = ", wherever it falls between two samples," if plant.kind == "continuous" else ""
+    notes = (f"From the switch at the latest{wherever} if switches are at least "
              f"{words.delay(cert['dwell'], T)} apart and no measurement is missing. The true mode is in the set all "
              f"the time, also where switches are only {words.delay(cert['ages'] + 1, T)} apart.",)
     head = ("from", "to", "#old mode ruled out", "#mode right")
@@ -36,11 +37,12 @@ def delays(design, real: str) -> tuple[Table, ...]:
 
 def switching(cert: dict) -> str:
     """Say for which switching the set of modes is proved."""
-    return (f"a mode that nobody tells, switching at any instant, at least {cert['ages'] + 1} samples apart (for the "
+    when = cert.get("switches", "at any instant")
+    return (f"a mode that nobody tells, switching {when}, at least {cert['ages'] + 1} samples apart (for the "
             f"delays: {cert['dwell']} samples)")
 
 
-def gains(design, real: str, matrix) -> tuple[Folded, ...]:
+def gains(design, real: str, matrix, whose: str = "") -> tuple[Folded, ...]:
     """Tabulate the constants that the C holds, exactly, one fold per mode.
 
     Parameters
@@ -49,6 +51,8 @@ def gains(design, real: str, matrix) -> tuple[Folded, ...]:
     real : {"float32", "float64"}
     matrix : callable
         (title, row names, column names, values) -> Table.
+    whose : str
+        What the titles of the folds begin with.
 
     Returns
     -------
@@ -67,8 +71,8 @@ def gains(design, real: str, matrix) -> tuple[Folded, ...]:
                 tables.append(matrix(f"A switch to {other.name} within the period: J, J_shift, J_reach, birth", xi,
                                      [*xi, "J_shift", "J_reach", "birth"],
                                      np.column_stack([t.J[q, j], t.J_shift[q, j], t.J_reach[q, j], t.birth[q, j]])))
-        folds.append(Folded(f"Mode {q}, “{mode.name}”", tuple(tables)))
+        folds.append(Folded(f"{whose}Mode {q}, “{mode.name}”", tuple(tables)))
     coordinates = matrix("xi = S x", xi, [s.name for s in plant.x], t.S)
     noise = matrix("Bounds of y - D u - C x", [s.name for s in plant.y], ["v_lo", "v_hi"],
                    np.stack([t.v_lo, t.v_hi], axis=1))
-    return (*folds, Folded("Coordinates and noise", (coordinates, noise)))
+    return (*folds, Folded(f"{whose}Coordinates and noise", (coordinates, noise)))

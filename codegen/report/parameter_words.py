@@ -84,8 +84,8 @@ def between(plant: Plant) -> str:
     moving = [what for what, some in (("disturbances", plant.w), ("parameters", plant.theta)) if some]
     free = [f"{words.listed(moving)} move as they like within their bounds"
             + (" and rates" if any(np.isfinite(s.rate) for s in plant.theta) else "")] if moving else []
-    change = "the mode changes at samples only" if plant.switching.known else "the mode changes at any instant"
-    return "; ".join([*parts, *([change] if plant.n_modes > 1 else []), *free])
+    when = "at samples only" if plant.switching.known else "at any instant"
+    return "; ".join([*parts, *([f"the mode changes {when}"] if plant.n_modes > 1 else []), *free])
 
 
 def assumed(plant: Plant) -> tuple[str, ...]:

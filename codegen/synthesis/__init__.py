@@ -117,7 +117,7 @@ METHODS = {
     "tracking": Method(("continuous polytopic, E = I",), "polytopic",
                        "detection observer and tracking law with integral action, as one unit",
                        "Lopez-Estrada (2014), Theorems C.1.1, C.1.2", tracking, automatic=False),
-    "mode-set": Method(("continuous switched, mode unknown",), "mode", "the modes that are still possible",
+    "mode-set": Method(("switched, mode unknown",), "mode", "the modes that are still possible",
                        "own; task of Zammali (2020), chapter 4", mode_set, automatic=False),
     "mode-sliding": Method(("continuous switched, mode unknown",), "sliding", "the mode by super-twisting, unproved",
                            "Zammali (2020), Theorem 12", mode_sliding, automatic=False),

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ..errors import DesignError
-from . import continuous, detection, linf, lipschitz, policy, width
+from . import continuous, detection, linf, lipschitz, mode_set, policy, width
 from .problem import Candidate, Judge, Problem
 from .structure import obstruction, slow_reason
 
@@ -21,7 +21,7 @@ OPTIONS = {
     "contraction": (0.0, 1.0), "sampling": ("euler", "second-order", "exponential"),
     "interpolation": ("linear", "quadratic"), "design": ("sampled", "continuous"), "decay": (0.0, 1e9),
     "metzler": (0.0, 1e12), "coordinates": ("none", "change"), "gain_cap": (0.0, 1e6), "evaluations": (1, 100000),
-    "within": (0, 50), "gains": dict,
+    "within": (0, 50), "gains": dict, "modes": ("set",), **mode_set.OPTIONS,
 }
 
 
@@ -58,8 +58,6 @@ def inapplicable(plant, tnl: bool) -> str | None:
     """Why a plant cannot have an interval observer of this form, with what to change; None if it can."""
     if plant.polytope is not None:
         return POLYTOPIC
-    if not plant.switching.known:
-        return UNTOLD
     if plant.switching.late:
         return 'the mode is told late, expected at its own sample. Use method "tnl-interval-lpv" or "lpv-interval".'
     if plant.kind != "discrete":
@@ -107,7 +105,7 @@ def through_reason(plant) -> str | None:
 
 def common_reason(plant, tnl: bool, classical: str) -> str | None:
     """What stands in the way of any interval observer; ``classical``: the method without N. None if nothing does."""
-    if (reason := through_reason(plant) or basic_reason(plant)) is not None:
+    if (reason := through_reason(plant) or untold_reason(plant) or basic_reason(plant, False)) is not None:
         return reason
     if tnl and any(np.any(m.D) for m in plant.modes):
         return f'D is not zero; the new measurement would need the new input. Use method "{classical}".'
@@ -117,9 +115,22 @@ def common_reason(plant, tnl: bool, classical: str) -> str | None:
     return None
 
 
-def basic_reason(plant) -> str | None:
-    """What stands in the way of any observer with checks of its inputs; None if nothing does."""
-    if not plant.switching.known:
+def untold_reason(plant) -> str | None:
+    """Where nobody tells the mode: what stands in the way of finding it beside framers; None if nothing does."""
+    if plant.switching.known:
+        return None
+    if (reason := mode_set.inapplicable(plant)) is not None:
+        return f"the mode is not known at run time, and it cannot be found there: {reason}"
+    own = next((m for m in plant.modes if m.theta_bounds is not None), None)
+    if own is not None:
+        return (f'the bounds of a parameter in mode "{own.name}" are its own, expected the same in all modes where the '
+                "mode is not known. Leave them out of bounds.")
+    return None
+
+
+def basic_reason(plant, told: bool = True) -> str | None:
+    """What stands in the way of any observer with checks of its inputs, ``told`` its mode; None if nothing does."""
+    if told and not plant.switching.known:
         return UNTOLD
     if plant.n_y == 0:
         return "the plant has no output, expected at least one measured signal in signals.y."

@@ -1,7 +1,8 @@
 """Which mode is active when nobody tells: set-membership invalidation of hypotheses (mode, age).
 
-Plant: switched, in continuous time, sampled; y = C x + D u + v with C, D and v common to the modes; the mode changes at
-any instant, with a dwell time.
+Plant: switched, y = C x + D u + v with C, D and v common to the modes, with a dwell time; in continuous time, sampled,
+where the mode changes at any instant, or in discrete time, where it changes at samples. Parameters are no inputs of the
+estimator: what they do is bounded with the disturbance (``plant.bounded``).
 
 The observer (``observers.mode_set``) has no gains to find: its tables are the sampled plant and bounds of what a switch
 within a period adds (``mode_tables``), and the only choice is the oldest age that hypotheses are told apart by, the

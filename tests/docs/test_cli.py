@@ -80,7 +80,7 @@ def test_run_defaults_to_a_folder_named_after_plant_and_method(made):
 def test_listing_commands(made):
     for command, words in (("methods", ["interval", "tnl-interval"]), ("list", gallery_names())):
         done = residua(command, cwd=made)
-        assert done.returncode == 0 and all(word in done.stdout for word in words)
+        assert done.returncode == 0 and not [word for word in words if word not in done.stdout]
     done = residua("check", "trolley.toml", cwd=made)
     assert done.returncode == 0 and "detectable" in done.stdout and "interval" in done.stdout
     assert residua("--version", cwd=made).stdout.startswith("residua")

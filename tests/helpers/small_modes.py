@@ -122,54 +122,77 @@ def stand_in(name: str = "one input", ages: int = 3, supervision=None, prefix: s
 
 @dataclass(frozen=True)
 class Exact:
-    """A true course: x (K, n) in balls of 1e-50, u, y (K, .) as floats, q (K,) the mode at each sample."""
+    """A true course: x (K, n) in balls of 1e-50, u, y, theta (K, .) as floats, q (K,) the mode at each sample.
+
+    Of a discrete plant q is the mode of the step that led to the sample.
+    """
 
     x: Array
     u: Array
     y: Array
     q: Array
+    theta: Array
 
 
-def exact_course(p, ages: int, steps: int, seed: int) -> Exact:
-    """Everything at a corner, switches as fast as allowed: on a sample, a hair before or after it, or inside."""
+def exact_course(p, ages: int, steps: int, seed: int, side: int = 0) -> Exact:
+    """Everything at a corner, switches as fast as allowed: on a sample, a hair before or after it, or inside.
+
+    ``side``: disturbances and parameters stay at the upper (1) or lower (-1) end and noise at the other one, so that
+    bounds are met.
+    """
+    def end(ends) -> float:
+        return float(rng.choice(ends) if side == 0 else ends[side > 0])
+
     rng, before = np.random.default_rng(seed), ctx.prec
     ctx.prec = 200
     try:
-        T, n = arb(p.sample_period), p.n_x
+        T = arb(p.sample_period)
         x = [arb(float(rng.choice(ends))) for ends in zip(p.x0_lo, p.x0_hi)]
         mode, due = int(rng.integers(p.n_modes)), arb(1)  # in periods
         due = due + arb(float(rng.choice([0, 2 ** -40, 0.3, 0.5, 1 - 2 ** -40])))
-        out = Exact(*([] for _ in range(4)))
+        jumps = (0, 2 ** -40, 0.37) if p.kind == "continuous" else (0,)
+        due = due if p.kind == "continuous" else arb(2)
+        out = Exact(*([] for _ in range(5)))
         for k in range(steps):
             m = p.modes[mode]
             u = np.array([rng.choice(ends) for ends in zip(*p.limits("u"))])
-            v = [arb(float(rng.choice(ends))) for ends in zip(m.v_lo, m.v_hi)]
+            v = [arb(end(ends)) for ends in (zip(m.v_lo, m.v_hi) if side == 0 else zip(m.v_hi, m.v_lo))]
             y = [float(sum((arb(float(a)) * b for row, vec in ((m.C, x), (m.D, [arb(float(z)) for z in u]), (m.Dv, v))
                             for a, b in zip(row[i], vec)), arb(0)).mid()) for i in range(p.n_y)]
             out.x.append(x)
             out.u.append(u)
             out.y.append(y)
             out.q.append(mode)
-            cuts = [arb(k), arb(k) + arb(float(rng.random())), arb(k + 1)]
-            if due < k + 1:
+            corners = [[end(ends) for ends in zip(*p.limits("theta"))] for _ in range(3)]
+            out.theta.append(corners[0])
+            cuts = [arb(k), arb(k) + arb(float(rng.random())), arb(k + 1)] if p.kind == "continuous" else [
+                arb(k), arb(k + 1)]
+            if due < k + 1 and p.kind == "continuous":
                 cuts = sorted([*cuts, due], key=lambda c: float((c - k).mid()))
-            for a, b in zip(cuts, cuts[1:]):
+            for a, b, theta in zip(cuts, cuts[1:], corners):
                 if due < k + 1 and a >= due:
                     mode = int(rng.choice([q for q in range(p.n_modes) if q != mode]))
-                    step = rng.choice([0, 2 ** -40, 0.37]) if rng.random() < 0.7 else rng.random()
+                    step = rng.choice(jumps) if rng.random() < 0.7 or len(jumps) == 1 else rng.random()
                     due = due + (ages + 1) + arb(float(step))
                 now = p.modes[mode]
-                x = _moved(now, x, u, [float(rng.choice(ends)) for ends in zip(now.w_lo, now.w_hi)], (b - a) * T, n)
+                w = [end(ends) for ends in zip(now.w_lo, now.w_hi)]
+                x = _moved(now, x, u, w, theta, (b - a) * T if p.kind == "continuous" else None)
         return Exact(*(np.array(part, dtype=object if i == 0 else None) for i, part in enumerate(
-            (out.x, out.u, out.y, out.q))))
+            (out.x, out.u, out.y, out.q, out.theta))))
     finally:
         ctx.prec = before
 
 
-def _moved(m, x: list, u: Array, w: list, t: arb, n: int) -> list:
-    """Exact solution of x' = A x + B u + Bw w."""
-    push = [sum((arb(float(a)) * arb(float(b)) for a, b in (*zip(m.B[i], u), *zip(m.Bw[i], w))), arb(0))
+def _moved(m, x: list, u: Array, w: list, theta: list, t: arb | None) -> list:
+    """Exact solution of x' = A(theta) x + B(theta) u + Bw w; without a time of x+ = the same."""
+    n = len(x)
+    A, B = ([[sum((arb(float(S[i][k])) * arb(p) for S, p in zip(m.theta_terms.get(name, ()), theta)),
+                  arb(float(M[i, k]))) for k in range(M.shape[1])] for i in range(n)]
+            for name, M in (("A", m.A), ("B", m.B)))
+    push = [sum((a * arb(float(b)) for a, b in (*zip(B[i], u), *zip(map(arb, map(float, m.Bw[i])), w))), arb(0))
             for i in range(n)]
-    whole = arb_mat([[arb(float(a)) * t for a in m.A[i]] + [push[i] * t] for i in range(n)] + [[arb(0)] * (n + 1)])
+    if t is None:
+        return [sum((A[i][j] * x[j] for j in range(n)), push[i]) for i in range(n)]
+    whole = arb_mat([[a * t for a in A[i]] + [push[i] * t] for i in range(n)] + [[arb(0)] * (n + 1)])
     E = whole.exp().tolist()
     return [sum((E[i][j] * x[j] for j in range(n)), E[i][n]) for i in range(n)]

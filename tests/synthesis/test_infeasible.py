@@ -84,8 +84,8 @@ CASES = {
         "hi]: rounding margins, input checks and recovery need it. Add one."),
     "mode not known": (
         GOOD + "[switching]\nknown = false\n", "tnl-interval", {},
-        'base: method "tnl-interval" does not apply: the mode is not known at run time, expected '
-        "switching.known = true. Method \"mode-set\" finds it."),
+        'base: method "tnl-interval" does not apply: the mode is not known at run time, and it '
+        "cannot be found there: no dwell time is declared, expected switching.minimum_dwell."),
     "C switches": (
         SWITCHED_C, "tnl-interval", {},
         'base: method "tnl-interval" does not apply: C differs between modes, so T + N C = I would '
@@ -100,8 +100,8 @@ CASES = {
     "unknown option": (
         GOOD, "interval", {"lamda": 0.5},
         "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, lambda, contraction, "
-        "sampling, interpolation, design, decay, metzler, coordinates, gain_cap, evaluations, within, gains). Remove "
-        "it or correct its name."),
+        "sampling, interpolation, design, decay, metzler, coordinates, gain_cap, evaluations, within, gains, modes, "
+        "ages, horizon, restart). Remove it or correct its name."),
     "criterion": (
         GOOD, "interval", {"criterion": "best"},
         "base: observer.criterion is 'best', "

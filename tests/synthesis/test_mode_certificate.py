@@ -21,7 +21,7 @@ from codegen.analysis import mode_promise  # noqa: E402
 from codegen.analysis.validate import judge  # noqa: E402
 from codegen.certify import mode_certificate  # noqa: E402
 from codegen.certify.mode_claims import contracted, narrowed  # noqa: E402
-from codegen.certify.mode_enclosure import check_enclosure  # noqa: E402
+from codegen.certify.mode_steps import check_enclosure  # noqa: E402
 from codegen.designs import read_checked  # noqa: E402
 from codegen.errors import CertificateError, DesignError, PlantError  # noqa: E402
 from codegen.observers import ModeTables  # noqa: E402
@@ -140,12 +140,12 @@ def test_design_reads_back_and_tampering_is_seen(tmp_path):
     ("known = false", "known = true", "mode is known at run time, expected switching.known = false"),
     ("minimum_dwell = 1", "", "expected switching.minimum_dwell"),
     ("minimum_dwell = 1", "minimum_dwell = 0.06", "less than two samples"),
-    ('kind = "continuous"', 'kind = "discrete"', "needs a continuous plant"),
     ('{ name = "level", range = [-3, 3] }', '{ name = "level" }', 'range of "level" in signals.y'),
     ('method = "mode-set"', 'method = "mode-set"\nages = 40', "observer.ages is 40, expected a number from 1 to 31"),
     ('method = "mode-set"', 'method = "mode-set"\norder = 3', "observer.order is no option of this method"),
     ('method = "mode-set"', 'method = "zonotope"', 'Method "mode-set" finds it'),
-    ('method = "mode-set"', 'method = "lpv-interval"', 'Method "mode-set" finds it')])
+    ('method = "mode-set"', 'method = "tnl-interval-lpv"', "D is not zero"),
+    ('method = "mode-set"', 'method = "tnl-interval"', "the plant is continuous")])
 def test_refusals(old, new, words):
     text = TEXT.replace(old, new).replace("30.25", "30").replace("60.5", "60")
     with pytest.raises(DesignError, match=words):
@@ -182,8 +182,8 @@ def test_promises_are_held_against_runs():
     trace, cert = made.observer.run(run.u, run.y), made.certificate["float32"]
     outcome = judge(p, p.scenarios[0], run, trace, [])
     assert outcome.lost == outcome.false_alarms == 0 and outcome.settled.all()
-    assert mode_promise.late(cert, run, trace, outcome.settled) == 0
+    assert mode_promise.late("continuous", cert, run, trace, outcome.settled) == 0
     slow = replace(trace, mode=np.concatenate([trace.mode[:1], trace.mode[1:31], np.zeros(10), trace.mode[41:]]))
-    assert mode_promise.late(cert, run, slow, outcome.settled) == 40 - (30 + cert["identified"][0][1]) + 1
+    assert mode_promise.late("continuous", cert, run, slow, outcome.settled) == 40 - (30 + cert["identified"][0][1]) + 1
     wrong = replace(trace, mode_set=np.where(np.arange(100) % 20 == 7, 1 << (1 - run.q), trace.mode_set))
     assert judge(p, p.scenarios[0], run, wrong, []).lost == 5

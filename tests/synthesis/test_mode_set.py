@@ -17,6 +17,7 @@ from codegen.errors import CertificateError, DesignError
 from codegen.observers import ModeTables
 from codegen.observers.mode_set import ModeSet, ModeState
 from codegen.plant.load import load
+from codegen.plant.model import Signal
 from codegen.synthesis.mode_tables import coordinates, tables_of
 from tests.helpers.modes import DWELL, course, example, tables
 
@@ -292,7 +293,7 @@ def test_coordinates_contract_where_the_outputs_help():
 
 
 @pytest.mark.parametrize("change, words", [
-    ({"kind": "discrete"}, "continuous plant"),
+    ({"theta": (Signal("load"),)}, "reads no parameters"),
     ({"modes": "C"}, "C common to all modes"),
     ({"x": None}, 'range of "x1"')])
 def test_what_it_does_not_take(change, words):

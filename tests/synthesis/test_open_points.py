@@ -58,7 +58,7 @@ POINTS = {
     "a mode told one sample late, the last mode believed": (
         lambda p: p.switching.late, lambda d: alone(d, lambda last, now: last)),
 }
-PLANTS = [p for p in map(load, gallery_names()) if not p.method or METHODS[p.method].framers]
+PLANTS = [p for p in map(load, gallery_names()) if p.switching.known and (not p.method or METHODS[p.method].framers)]
 CASES = [(point, p.name) for point, (has, _) in POINTS.items() for p in PLANTS if has(p)]
 _DONE = {}
 

@@ -35,6 +35,7 @@ from codegen.target.gappa import prove_rounding, require_rounding
 
 REALS = ("float32", "float64")
 PLANTS = [name for name in gallery_names() if load(name).modes and is_uncertain(load(name))
+          and load(name).switching.known
           and any(m.framers and m.module.inapplicable(load(name)) is None for m in METHODS.values())]
 RADIUS = r"\n    [+-] [^\n]*\b(?:m|a|size)_\d[^\n]*$"
 DEFINITION = r"(?m)^{} (?:r=|=)\n((?:    .*\n)*?    .*);$"
