@@ -519,7 +519,6 @@ static void valve_answer(valve_state *s, valve_out *out)
 {
     uint32_t ages = 0U;
     uint32_t oldest = 0U;
-    bool first = true;
 
     out->mode_set = 0U;
     out->settled_set = 0U;
@@ -557,21 +556,25 @@ static void valve_answer(valve_state *s, valve_out *out)
         }
     }
     s->decided = out->mode;
+    for (uint32_t i = 0U; i < VALVE_NX; i++)
+    {
+        out->x_lo[i] = FLT_MAX;
+        out->x_hi[i] = -FLT_MAX;
+    }
     for (uint32_t n = 0U; n < VALVE_NFRAME; n++)
     {
         const uint32_t i = n % VALVE_NX;
 
         if ((s->alive[n / VALVE_NX] & VALVE_ANY_AGE) != 0U)
         {
-            if (first || (s->frame_lo[n] < out->x_lo[i]))
+            if (s->frame_lo[n] < out->x_lo[i])
             {
                 out->x_lo[i] = s->frame_lo[n];
             }
-            if (first || (s->frame_hi[n] > out->x_hi[i]))
+            if (s->frame_hi[n] > out->x_hi[i])
             {
                 out->x_hi[i] = s->frame_hi[n];
             }
-            first = first && (i < (VALVE_NX - 1U));
         }
     }
 }
