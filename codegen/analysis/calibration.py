@@ -1,0 +1,317 @@
+"""Thresholds calibrated by fault-free runs, with what order statistics say of them.
+
+Of N independent runs of one kind, each with m statistics, let every threshold be the k-th largest value of its
+statistic. A further run of that kind exceeds any of them with a probability of at most p, except with a chance of
+
+    P(Bin(N, p) < k m)        over the N runs; for k = m = 1 that is (1 - p)^N
+
+whatever the distribution is: the thresholds are no lower than those of Tukey's blocks (the k runs largest in the first
+statistic taken out, then of the rest the k largest in the second, ...), whose coverage is beta-distributed, and ties
+only help. So a calibrated threshold is a statement about runs like those drawn, never about all that the bounds admit.
+
+Source: S. S. Wilks, Determination of sample sizes for setting tolerance limits, Ann. Math. Stat. 12, 1941; J. W. Tukey,
+Non-parametric estimation II, Ann. Math. Stat. 18, 1947.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+
+from ..errors import PlantError
+from ..plant.model import Plant, PlantTrace, Scenario
+from ..plant.simulate import simulate_all
+from .validate import side_by_side
+
+Array = np.ndarray
+#: A mode that has no dwell time lasts so many samples on average.
+STAY = 20
+
+
+def confidence(runs: int, probability: float, blocks: int = 1) -> float:
+    """Confidence that a further run exceeds the thresholds with at most a given probability.
+
+    Parameters
+    ----------
+    runs : int
+        N, independent.
+    probability : float
+        p, between 0 and 1.
+    blocks : int
+        k m: rank of the thresholds times their number.
+
+    Returns
+    -------
+    float
+        1 - P(Bin(N, p) < k m), summed exactly and rounded down.
+
+    Raises
+    ------
+    ValueError
+        A number is out of its range.
+    """
+    if not 0 < probability < 1 or runs < 0 or blocks < 1:
+        raise ValueError(f"confidence: {runs} runs, probability {probability}, {blocks} blocks (found), expected "
+                         "0 < probability < 1 and at least one block.")
+    if runs < blocks:
+        return 0.0
+    p, q = (Fraction(probability).numerator, Fraction(1 - Fraction(probability)).numerator)
+    whole = Fraction(probability).denominator
+    term, total = q**runs, 0  # C(N, i) p^i q^(N - i), all over whole^N
+    for i in range(blocks):
+        total += term
+        term = term * (runs - i) * p // ((i + 1) * q)  # exact: q divides, as does i + 1
+    value = float(1 - Fraction(total, whole**runs))
+    return max(float(np.nextafter(value, 0.0)), 0.0)
+
+
+def runs_needed(probability: float, wanted: float, blocks: int = 1) -> int:
+    """Fewest runs for a confidence.
+
+    Parameters
+    ----------
+    probability : float
+    wanted : float
+        Confidence below 1.
+    blocks : int
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    ValueError
+        A number is out of its range.
+    """
+    if not 0 < wanted < 1:
+        raise ValueError(f"runs_needed: a confidence of {wanted} (found), expected one between 0 and 1.")
+    high = max(blocks, 1)
+    while confidence(high, probability, blocks) < wanted:
+        high *= 2
+    low = high // 2
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if confidence(middle, probability, blocks) >= wanted else (middle, high)
+    return high
+
+
+def largest_values(values: Array, rank: int = 1) -> Array:
+    """The rank-th largest value of each statistic.
+
+    Parameters
+    ----------
+    values : ndarray (N, ...)
+        A row per run.
+    rank : int
+        k: 1 is the largest.
+
+    Returns
+    -------
+    ndarray (...)
+
+    Raises
+    ------
+    ValueError
+        Fewer runs than that, or a value is NaN.
+    """
+    values = np.asarray(values)
+    if not 1 <= rank <= len(values) or np.isnan(values).any():
+        raise ValueError(f"largest_values: rank {rank} of {len(values)} runs, {int(np.isnan(values).sum())} values NaN "
+                         "(found), expected 1 to the number of runs, and numbers.")
+    return np.sort(values, axis=0)[len(values) - rank]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Thresholds of a campaign and what may be said of them.
+
+    Parameters
+    ----------
+    thresholds : ndarray (...)
+        One per statistic.
+    runs : int
+    steps : int
+        Samples of a run.
+    rank : int
+    probability : float
+        A further run exceeds any threshold with at most this probability, ...
+    confidence : float
+        ... with at least this confidence.
+    seed : int
+    conditions : tuple of str
+        What the runs had in common: beyond it nothing is said.
+    """
+
+    thresholds: Array
+    runs: int
+    steps: int
+    rank: int
+    probability: float
+    confidence: float
+    seed: int = 0
+    conditions: tuple[str, ...] = ()
+
+
+def calibrate(values: Array, probability: float, steps: int = 1, rank: int = 1) -> Calibration:
+    """Thresholds of given statistics.
+
+    Parameters
+    ----------
+    values : ndarray (N, ...)
+        The statistics of each of N independent runs, such as the largest residual of each channel.
+    probability : float
+    steps : int
+    rank : int
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    ValueError
+    """
+    values = np.asarray(values)
+    level = confidence(len(values), probability, rank * max(int(np.prod(values.shape[1:])), 1))
+    return Calibration(largest_values(values, rank), len(values), steps, rank, probability, level)
+
+
+@dataclass(frozen=True)
+class Population:
+    """Fault-free runs of a plant that are drawn at random: what a calibration speaks of.
+
+    Parameters
+    ----------
+    steps : int
+    w, v, theta : {"uniform", "corner"}
+        Independent at every sample; theta as fast as its rates allow.
+    modes : {"random", "scenario"}
+        Modes of random order and length (the dwell time and STAY beyond it on average), or those of the scenario drawn.
+    """
+
+    steps: int = 200
+    w: str = "uniform"
+    v: str = "uniform"
+    theta: str = "uniform"
+    modes: str = "random"
+
+    def words(self, plant: Plant) -> tuple[str, ...]:
+        """What the runs have in common."""
+        drawn = {"uniform": "uniform within their bounds", "corner": "at ends of their bounds"}
+        of = {"w": ("disturbances", plant.n_w), "v": ("noises", plant.n_v), "theta": ("parameters", len(plant.theta))}
+        told = [f"{of[name][0]} {drawn[getattr(self, name)]}, drawn anew at every sample" for name in of if of[name][1]]
+        modes = {"random": "modes in random order that keep to the declared switching", "scenario": "modes as in the "
+                 "scenarios of the plant file"}
+        told += [modes[self.modes]] * (plant.n_modes > 1)
+        told += ["inputs as in the scenarios of the plant file"] * bool(plant.u)
+        return (f"{self.steps} samples from the initial box", *told, "no measurement missing")
+
+
+def pattern(plant: Plant, steps: int, rng: np.random.Generator) -> tuple[tuple[int, int], ...]:
+    """A random mode sequence that keeps to the declared switching, as (sample, mode) pairs.
+
+    Parameters
+    ----------
+    plant : Plant
+    steps : int
+    rng : Generator
+
+    Returns
+    -------
+    tuple of (int, int)
+    """
+    s, count = plant.switching, max(plant.n_modes, 1)
+    if s.schedule:
+        turn = [s.schedule[k % len(s.schedule)] for k in range(steps)]
+        return tuple((k, q) for k, q in enumerate(turn) if k == 0 or q != turn[k - 1])
+    least = 1 if s.average_dwell is None else int(np.ceil(s.average_dwell / plant.sample_period - 1e-9))
+    out, at, q = [], 0, int(rng.integers(count))
+    while at < steps:
+        out.append((at, q))
+        at += steps if count == 1 else max(least, 1) + int(rng.geometric(1 / STAY)) - 1
+        q = (q + int(rng.integers(1, max(count, 2)))) % count
+    return tuple(out)
+
+
+def fault_free_runs(plant: Plant, population: Population, runs: int, seed: int = 0) -> list[PlantTrace]:
+    """Simulate independent runs without fault.
+
+    Parameters
+    ----------
+    plant : Plant
+    population : Population
+    runs : int
+    seed : int
+
+    Returns
+    -------
+    list of PlantTrace
+
+    Raises
+    ------
+    PlantError
+        The plant has inputs and no scenario that says what they do, or a scenario does not go on for so long.
+    """
+    base = [s for s in plant.scenarios if not s.csv]
+    if not base and (plant.n_u or population.modes == "scenario"):
+        raise PlantError(f"{plant.name}: no scenario without a record (found), expected one that says what the inputs "
+                         "do in a campaign. Add a [[scenario]].")
+    base = base or [Scenario("runs without fault", population.steps, ((0, 0),), ())]
+    out = []
+    for child in np.random.SeedSequence(seed).spawn(runs):
+        rng = np.random.default_rng(child)
+        own = base[int(rng.integers(len(base)))]
+        mode = own.mode if population.modes == "scenario" else pattern(plant, population.steps, rng)
+        asked = replace(own, name="runs without fault", steps=population.steps, mode=mode, w=population.w,
+                        v=population.v, theta=population.theta, fault=())
+        out.append((asked, int(rng.integers(2**63))))
+    return simulate_all(plant, out)
+
+
+def campaign(design, statistic: Callable[[object, Array], Array], probability: float, wanted: float,
+             population: Population | None = None, rank: int = 1, seed: int = 0,
+             real: str | None = None) -> Calibration:
+    """Calibrate thresholds of a design's reference over as many fault-free runs as the confidence takes.
+
+    Parameters
+    ----------
+    design : Design
+        With ``plant`` and ``observer``.
+    statistic : callable
+        (trace of all runs (N, K, ...), modes (N, K)) -> values (N, ...); no NaN.
+    probability : float
+    wanted : float
+        Confidence.
+    population : Population, optional
+    rank : int
+        The larger, the less the thresholds depend on chance, and the more runs it takes.
+    seed : int
+    real : {"float32", "float64"}, optional
+        Default: the plant file's.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    PlantError
+        No runs can be drawn.
+    ValueError
+    """
+    plant, population = design.plant, population or Population()
+
+    def values(truths: list[PlantTrace]) -> Array:
+        u, y, q, theta = side_by_side(truths)
+        trace = design.observer.run_many(u, y, q, real or plant.target.real, theta=theta)
+        return np.asarray(statistic(trace, q))
+
+    first = values(fault_free_runs(plant, population, 1, seed))
+    blocks = rank * max(int(np.prod(first.shape[1:])), 1)
+    runs = runs_needed(probability, wanted, blocks)
+    found = calibrate(values(fault_free_runs(plant, population, runs, seed)), probability, population.steps, rank)
+    return replace(found, seed=seed, conditions=population.words(plant))

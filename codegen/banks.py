@@ -1,0 +1,325 @@
+"""From a polytopic plant with sensor faults to a certified bank: one detector per fault, thresholds from a campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .analysis.calibration import Calibration, Population, calibrate, fault_free_runs, runs_needed
+from .analysis.validate import side_by_side
+from .certify import bank as settling
+from .certify.exact import Q, rational, up
+from .certify.polytope_detection import check as check_detector
+from .descriptors import problem_and_scaling
+from .designs import Design
+from .detectors import CertifiedDetector, faults_of, sampled_detector
+from .errors import CertificateError, DesignError
+from .observers import FAMILIES, Supervision
+from .observers.bank import BankTables, Member
+from .plant.model import Plant
+from .plant.weight_program import weight_program
+from .synthesis.bank import CONFIDENCE, GAIN, MARGIN, PROBABILITY, inapplicable, member
+from .synthesis.descriptor_gains import StandardGains
+from .synthesis.descriptor_lmi import Bounds
+
+Array = np.ndarray
+#: Samples of a fault-free run that are judged, and of the run from which the settling time is estimated.
+JUDGED = 400
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A bank without thresholds, on one number type.
+
+    Parameters
+    ----------
+    tables : BankTables
+        Its bounds are infinite, its settling time zero.
+    detectors : list of CertifiedDetector
+    reach : list of float
+        g E0 of each member: see ``certify.bank``.
+    starts : list of dict
+        For ``certify.bank``.
+    """
+
+    tables: BankTables
+    detectors: list[CertifiedDetector]
+    reach: list[float]
+    starts: list[dict]
+
+
+def drafted(plant: Plant, options: dict, real: str, progress: Callable[[str], None]) -> Draft:
+    """Design and certify the members, and put their tables together.
+
+    Parameters
+    ----------
+    plant : Plant
+    options : dict
+    real : {"float32", "float64"}
+    progress : callable
+
+    Raises
+    ------
+    DesignError
+        A member has no design.
+    CertificateError
+        The exact check refuses one.
+    """
+    problem, s = problem_and_scaling(plant)
+    faults, period = faults_of(plant), plant.sample_period
+    bounds = Bounds(float(options.get("gain", GAIN)), float(options.get("decay", problem.slowest())))
+    weights, x0 = weight_program(plant.polytope, real), (plant.x0_lo + plant.x0_hi) / 2
+    members, detectors = [], []
+    for k, fault in enumerate(plant.f):
+        progress(f"observer without the sensors of {fault.name} ({real})")
+        seen, own, others, units = member(plant, problem, faults, s, k)
+        try:
+            found = sampled_detector(own, others, bounds, period, real, units)
+        except (DesignError, CertificateError) as error:
+            raise type(error)(f'{plant.name}: observer without the sensors of "{fault.name}": {error}') from None
+        g, start = found.gains, x0 - found.gains.T2 @ (found.gains.C @ x0)
+        members.append(Member(seen, *(near(M, real) for M in (g.T2, g.C, g.F, g.G, g.K, found.M, start)), weights))
+        detectors.append(found)
+    ranges = {f"{v}_{end}": near(np.clip(limit, -np.finfo(real).max, np.finfo(real).max), real)
+              for v in ("x", "u", "y") for end, limit in zip(("lo", "hi"), plant.limits(v))}
+    rate = float(near(np.array(min(1.0, period / float(options.get("average", 25 * period)))), real))
+    keep = max(1, round(float(options.get("keep", 100 * period)) / period))
+    t = BankTables(real, tuple(members), np.full(len(members), np.inf, real), rate, 0, keep, weights,
+                   x0_lo=near(plant.x0_lo, real), x0_hi=near(plant.x0_hi, real), **ranges)
+    starts = [gain_of(member(plant, problem, faults, s, k)[1], d, k) for k, d in enumerate(detectors)]
+    reach = []
+    for k, (d, start) in enumerate(zip(detectors, starts)):
+        own = member(plant, problem, faults, s, k)[1]
+        begun = settling.start_square(own, d.gains, rational(np.array(d.proof["level"]["P1"])),
+                                      members[k].z0.astype(float), t.x_lo.astype(float), t.x_hi.astype(float))
+        reach.append(float(np.sqrt(start["gain2"] * float(begun))) * (1 + 1e-9))
+    return Draft(t, detectors, reach, starts)
+
+
+def near(values: Array, real: str) -> Array:
+    """An array of the type, without negative zeros.
+
+    Parameters
+    ----------
+    values : ndarray
+    real : {"float32", "float64"}
+    """
+    return np.asarray(values, dtype=float).astype(real) + np.dtype(real).type(0)
+
+
+def gain_of(problem, d: CertifiedDetector, k: int) -> dict:
+    """How large the residual of an error can be in the norm of the member's P1, for ``certify.bank``.
+
+    Parameters
+    ----------
+    problem : DescriptorProblem
+    d : CertifiedDetector
+    k : int
+        Number of the member.
+    """
+    P1, T1 = np.array(d.proof["level"]["P1"]), np.array(d.proof["T1"])
+    out = settling.output_gain(problem, d.gains, d.M, T1, rational(P1), d.proof["period"]).astype(float)
+    root = np.linalg.cholesky(P1)
+    return {"member": k, "gain2": float(np.linalg.norm(np.linalg.solve(root, out.T), 2) ** 2 * (1 + 1e-9))}
+
+
+def levels(t: BankTables, truths: list, observer=None) -> Array:
+    """Levels of every member in given runs (N, K, P).
+
+    Parameters
+    ----------
+    t : BankTables
+    truths : list of PlantTrace
+    observer : BankObserver, optional
+    """
+    observer = observer or FAMILIES["bank"]({t.real: t}, Supervision())
+    u, y, q, _ = side_by_side(truths)
+    return observer.run_many(u, y, np.zeros_like(q), t.real).r
+
+
+def calibrated(plant: Plant, draft: Draft, options: dict, truths: list | None) -> tuple[BankTables, Calibration, list]:
+    """Settling time and thresholds: the largest levels of fault-free runs once they have settled, times the margin.
+
+    Parameters
+    ----------
+    plant : Plant
+    draft : Draft
+    options : dict
+    truths : list of PlantTrace or None
+        Runs of the campaign where they are at hand.
+
+    Returns
+    -------
+    tables : BankTables
+    calibration : Calibration
+        Of the levels, without the margin.
+    truths : list of PlantTrace
+    """
+    t, seed = draft.tables, int(options.get("seed", 0))
+    pilot = levels(t, fault_free_runs(plant, Population(2 * JUDGED), 1, seed + 1))[0, JUDGED:].max(axis=0)
+    wait = max(settling.samples_needed(t.rate, d.proof["level"]["contraction"], reach, float(top))
+               for d, reach, top in zip(draft.detectors, draft.reach, pilot))
+    probability = float(options.get("probability", PROBABILITY))
+    runs = runs_needed(probability, float(options.get("confidence", CONFIDENCE)))
+    population = Population(wait + JUDGED)
+    if truths is None or len(truths[0].y) < wait + JUDGED:
+        truths = fault_free_runs(plant, population, runs, seed)
+    # One statistic for all members, so that one order statistic is enough: the largest in units of another run's.
+    found = calibrate((levels(t, truths)[:, wait:] / pilot).max(axis=(1, 2)), probability, len(truths[0].y))
+    found = replace(found, thresholds=found.thresholds * pilot, seed=seed, conditions=population.words(plant))
+    bound = near(float(options.get("margin", MARGIN)) ** 2 * found.thresholds, t.real)
+    return replace(t, bound=bound, settle=wait), found, truths
+
+
+def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], None]) -> Design:
+    """Tables of both number types, certified and calibrated.
+
+    Parameters
+    ----------
+    plant : Plant
+    name : str
+        Key of METHODS.
+    options : dict
+        Of ``[observer]``.
+    progress : callable
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    DesignError
+        The plant is not of this kind, or a member has no design.
+    CertificateError
+        The exact check refuses one.
+    """
+    reason = inapplicable(plant)
+    if reason is not None:
+        raise DesignError(f'{plant.name}: method "{name}" does not apply: {reason}')
+    tables, certs, truths = {}, {}, None
+    for real in sorted(("float32", "float64"), key=lambda r: r != plant.target.real):
+        draft = drafted(plant, options, real, lambda text: progress(f"{name}: {text}"))
+        progress(f"{name}: fault-free runs ({real})")
+        tables[real], found, truths = calibrated(plant, draft, options, truths)
+        certs[real] = {"kind": "bank", "members": [
+            {"gamma": d.gamma, "beta": d.beta, "designed": d.designed, "proof": d.proof, "start": start}
+            for d, start in zip(draft.detectors, draft.starts)], "calibration": {
+                "levels": found.thresholds.astype(float).tolist(), "runs": found.runs, "steps": found.steps,
+                "probability": found.probability, "confidence": found.confidence, "seed": found.seed,
+                "conditions": list(found.conditions)}}
+    tables, certs = ({real: by[real] for real in ("float32", "float64")} for by in (tables, certs))
+    target = plant.target
+    supervision = Supervision(debounce=target.debounce, latch=target.latch, recover=target.recover, hold=target.hold)
+    choice = [{"method": name, "design": f"{plant.n_f} observers", "level": max(m["gamma"] for m in certs[target.real][
+        "members"]), "relative_width": None, "surely_detected": [None] * plant.n_f, "chosen": True}]
+    faults = [{"channel": f.name, "unit": f.unit, "by_delay": [None]} for f in plant.f]  # none is promised to be found
+    return Design(plant, name, FAMILIES["bank"](tables, supervision), certs,
+                  {real: check(plant, tables[real], certs[real]) for real in tables}, {real: faults for real in tables},
+                  choice, options)
+
+
+def check(plant: Plant, t: BankTables, cert: dict) -> list[str]:
+    """Re-check a certificate in exact arithmetic; return what is proved, one sentence per claim.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : BankTables
+    cert : dict
+
+    Raises
+    ------
+    CertificateError
+        Naming the member.
+    """
+    problem, s = problem_and_scaling(plant)
+    faults, claims = faults_of(plant), []
+    if len(t.members) != plant.n_f or len(cert["members"]) != plant.n_f:
+        raise CertificateError(f"certificate: {len(t.members)} members (found), expected {plant.n_f}, one per fault.")
+    if not np.all(np.isfinite(t.bound)) or cert["calibration"]["runs"] < 1:
+        raise CertificateError("certificate: the thresholds rest on no campaign.")
+    for k, (own, stored, fault) in enumerate(zip(t.members, cert["members"], plant.f)):
+        seen, task, others, _ = member(plant, problem, faults, s, k)
+        if own.seen.tolist() != seen.tolist():
+            raise CertificateError(f'certificate: the observer of "{fault.name}" reads outputs {own.seen.tolist()} '
+                                   f"(found), expected {seen.tolist()}: those that this fault leaves alone.")
+        gains = StandardGains(*(getattr(own, key).astype(float) for key in ("T2", "F", "G", "K", "C")))
+        proof, M = stored["proof"], own.M.astype(float)
+        if proof.get("period") != plant.sample_period or Q(proof["level"]["gamma"]) > Q(stored["gamma"]) or Q(
+                proof["fault"]["beta"]) < Q(stored["beta"]):
+            raise CertificateError(f'certificate: period or levels of the observer of "{fault.name}" are not those '
+                                   "that are proved.")
+        try:
+            check_detector(task, others, gains, M, proof)
+            if stored["start"]["member"] != k:
+                raise CertificateError("certificate: the start is another member's.")
+            settling.check(task, gains, M, proof, stored["start"], t)
+        except CertificateError as error:
+            raise CertificateError(f'{error} (observer without the sensors of "{fault.name}")') from None
+        claims.append(member_words(plant, t, cert, k))
+    return [*claims, *words(plant, t, cert)]
+
+
+def member_words(plant: Plant, t: BankTables, cert: dict, k: int) -> str:
+    """What is proved of one member.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : BankTables
+    cert : dict
+    k : int
+    """
+    own = cert["members"][k]
+    read = ", ".join(plant.y[i].name for i in t.members[k].seen)
+    return (f"observer of {plant.f[k].name}: reads {read} alone, so that {plant.f[k].name} cannot move it; the energy of "
+            f"its weighted residual stays below {own['gamma']:.5g}^2 times that of inputs and disturbances in units of "
+            f"their bounds (from rest, no fault); constant other faults f, in units of their ranges, settle to a "
+            f"residual of at least {own['beta']:.5g} |f| while the weights stand still; its error shrinks by "
+            f"{own['proof']['level']['contraction']:.6g} per sample; the plant by Euler steps of "
+            f"{plant.sample_period:g} s")
+
+
+def words(plant: Plant, t: BankTables, cert: dict) -> list[str]:
+    """What is said of the bank: proved of its logic, and calibrated.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : BankTables
+    cert : dict
+    """
+    c = cert["calibration"]
+    sizes = ", ".join(f"{plant.f[k].name} {size:.3g} {plant.f[k].unit}".rstrip()
+                      for k, size in enumerate(isolable(plant, t, cert)))
+    return ["while no fault but one acts, and its own observer raises no alarm, no other fault is named",
+            f"{t.settle} samples after a start, from anywhere in the range of x, what is left of it in any averaged "
+            f"residual is at most {float(settling.SHARE):g} of the threshold",
+            f"constant faults of at least this size are named once settled, while the weights stand still and "
+            f"disturbances add no more than a threshold: {sizes}",
+            f"CALIBRATED, not proved: thresholds above the largest level of {c['runs']} fault-free runs, seed "
+            f"{c['seed']} ({'; '.join(c['conditions'])}): a further run of this kind raises an alarm with probability "
+            f"{c['probability']:g} at most, confidence {c['confidence']:.4g}"]
+
+
+def isolable(plant: Plant, t: BankTables, cert: dict) -> list[float]:
+    """Smallest constant fault of each channel that every other member hears above twice its threshold.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : BankTables
+    cert : dict
+
+    Returns
+    -------
+    sizes : list of float
+        In the units of the faults.
+    """
+    size = np.maximum(*np.abs(plant.limits("f")))
+    size = np.where(np.isfinite(size) & (size > 0), size, 1.0)
+    heard = [2 * np.sqrt(float(b)) / m["beta"] for b, m in zip(t.bound, cert["members"])]
+    return [up(Q(max(h for p, h in enumerate(heard) if p != k) * size[k])) for k in range(plant.n_f)]
