@@ -197,12 +197,12 @@ def euler_limit(problem: DescriptorProblem, found: DescriptorDesign, s: Scaling)
     Parameters
     ----------
     problem : DescriptorProblem
-    found : DescriptorDesign
+    found : DescriptorDesign or DetectionDesign
         In standard form, in the units of the scaling.
     s : Scaling
     """
     p = scaled(problem, s)
-    modes = np.concatenate([np.linalg.eigvals(found.T1 @ A + K @ p.C) for A, K in zip(p.A, found.K)])
+    modes = np.linalg.eigvals(found.T1 @ p.A + found.K @ p.C).ravel()
     return float(min(-2 * modes.real / np.abs(modes) ** 2)) / s.time
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import filter_designs, modes, points
+from . import filter_designs, modes, points, polytopes
 from .algebra.dwell import ratio, shortest
 from .analysis.detectability import SureFault, limited, surely_detected
 from .analysis.quick import QuickJudge
@@ -124,6 +124,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     """
     if options != plant.options:  # how it is sampled is one of them; the plant keeps its sampled form where it can
         plant = replace(plant, options=dict(options))
+    if plant.polytope is not None:
+        method = method or polytopes.default(plant)
     methods = [method] if method else [name for name, m in METHODS.items() if m.automatic]
     for name in methods:
         if name not in METHODS:
@@ -131,6 +133,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     check_options(plant.name, options, known_options(methods))
     if method and METHODS[method].estimates_mode:
         return modes.designed(plant, method, options, progress)
+    if method and METHODS[method].family == "polytopic":
+        return polytopes.designed(plant, method, options, progress)
     trials, reasons = [], []
     for name in methods:
         reason = METHODS[name].module.inapplicable(plant)

@@ -74,7 +74,7 @@ def _outputs(run: Run) -> list[Panel]:
 
 def _states(run: Run) -> list[Panel]:
     stack: list[Panel] = []
-    for i in () if isinstance(run.trace, FilterTrace) else range(run.plant.n_x):
+    for i in range(run.plant.n_x) if run.trace.bounded else ():
         stack.append((1.55, lambda axis, i=i: panels.state(axis, run, i)))
         if panels.is_thin(run, i):
             stack.append((1.55, lambda axis, i=i: panels.magnified(axis, run, i)))

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import EmitError
-from ..observers import FilterTrace
+from ..observers import FilterTrace, PolytopicTrace
 from ..plant.model import Plant, PlantTrace, Scenario
 from . import plots, svg
 from .logs import read_log
@@ -134,15 +134,18 @@ def table(plant: Plant, truth: PlantTrace, trace) -> str:
     -------
     text : str
         Columns k, t, x_lo.<state> ..., x_hi.<state> ..., r_lo.<output> ..., r_hi.<output> ..., alarm, latched,
-        assured, status; of a filter f_hat.<fault> ..., f_bound.<fault> ... in place of the bounds; of a mode estimator
-        also mode, mode_set, settled_set, age. Every number reads back exactly.
+        assured, status; of a filter f_hat.<fault> ..., f_bound.<fault> ... in place of the bounds; of a polytopic observer
+        x_hat.<state> ..., r.<output> ..., r_bound.<output> ...; then the words that only this family has. Every number
+        reads back exactly.
     """
     names = {"x_lo": plant.x, "x_hi": plant.x, "r_lo": plant.y, "r_hi": plant.y}
     if isinstance(trace, FilterTrace):
         names = {"f_hat": plant.f, "f_bound": plant.f}
+    elif isinstance(trace, PolytopicTrace):
+        names = {"x_hat": plant.x, "r": plant.y, "r_bound": plant.y}
     header = ["k", "t", *(f"{field}.{s.name}" for field, signals in names.items() for s in signals),
               "alarm", "latched", "assured", "status",
-              *(["mode", "mode_set", "settled_set", "age"] if trace.words() else [])]
+              *trace.word_names()]
     columns = [column for field in names for column in getattr(trace, field).T]
     cells = [["" if np.isnan(v) else str(v) for v in column] for column in columns]
     flags = [a.astype(int).tolist() for a in (

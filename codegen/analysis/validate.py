@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import PlantError
-from ..observers import FilterTrace, Trace
+from ..observers import Trace
 from ..observers.supervisor import BAD_INPUT, BAD_MODE, BAD_PARAMETER
 from ..plant.model import Plant, PlantTrace, Scenario
 from ..plant.simulate import simulate
@@ -120,7 +120,7 @@ def episodes(f: Array, raw: Array, names: tuple[str, ...], tail: int) -> list[Ep
 def judge(plant: Plant, scenario: Scenario, truth: PlantTrace, trace: Trace, differences: list[str]) -> Outcome:
     """Hold one run against the promise."""
     raw = trace.raw_bits != 0
-    estimates = isinstance(trace, FilterTrace)  # nothing starts again while it sees a fault; it has no bounds of x
+    estimates = not trace.bounded  # nothing starts again while it sees a fault; it has no bounds of x
     sound = sound_samples(truth.f, trace, np.iinfo(int).max if estimates else plant.target.recover)
     settled = sound & ~np.any(truth.f != 0, axis=1)
     done = trace.status == 0

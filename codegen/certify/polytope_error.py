@@ -47,6 +47,8 @@ class ErrorModel:
     C : object array (k, 2n), D : object array (k, m + q)
     residual : object array (p, 2n + m + q) or None
         r of the standard form.
+    T1 : tuple of object array (n, n)
+        Of the standard form: one for all vertices of the observer, or one for each.
     """
 
     Ee: Array
@@ -56,6 +58,7 @@ class ErrorModel:
     C: Array
     D: Array
     residual: Array | None = None
+    T1: tuple[Array, ...] = ()
 
 
 def _plant(problem, period) -> dict[str, Array]:
@@ -120,7 +123,7 @@ def standard_errors(problem, gains, T1: Array, period: float | None = None) -> E
     state = np.concatenate([zeros(n, n), eye(n), zeros(n, m), zeros(n, p["Bd"].shape[2])], axis=1)
     z = product(p["H"], state - estimate)
     z[:, 2 * n + m:] += p["J"]
-    return ErrorModel(eye(n), p["E"], S, pairs, z[:, :2 * n], z[:, 2 * n:], residual)
+    return ErrorModel(eye(n), p["E"], S, pairs, z[:, :2 * n], z[:, 2 * n:], residual, tuple(T for T, _ in own))
 
 
 def direct_errors(problem, gains) -> ErrorModel:

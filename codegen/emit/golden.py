@@ -16,7 +16,7 @@ from random import Random
 
 import numpy as np
 
-from ..observers import FilterObserver, ModeTables, Trace
+from ..observers import FilterObserver, ModeTables, PolytopicTables, Trace
 from .cprint import initialiser, literal
 
 Array = np.ndarray
@@ -52,7 +52,7 @@ WIDE_TAIL = (*TAIL, (True, 1), (True, 0), (False, 1), (True, 2), (True, 0), (Fal
 
 def tail(t) -> tuple[tuple[bool, int], ...]:
     """Return the samples of the tail in one mode."""
-    return TAIL if t.vary is None else WIDE_TAIL
+    return TAIL if t.vary is None or isinstance(t, PolytopicTables) else WIDE_TAIL
 
 
 def steps_of(t) -> int:
@@ -229,7 +229,7 @@ class Refusal:
 
 def refusals(t, macro: str) -> tuple[Refusal, ...]:
     """Return one refused call per kind: the next number beyond a range is already too much."""
-    told = not isinstance(t, ModeTables)
+    told = not isinstance(t, ModeTables | PolytopicTables)
     out = [Refusal(f"in.mode = {macro}_MODES;", "in.mode = vectors[0].mode;", "BAD_MODE", "BAD_MODE", 1001)] * told
     for vector, hi, predict, code in (("u", t.u_hi, "BAD_INPUT", 1002), ("y", t.y_hi, "OK", 1003)):
         beyond = np.nextafter(hi, np.array(np.inf, dtype=t.dtype))

@@ -73,8 +73,8 @@ def assumed(design, tables, monitors_dwell: bool) -> tuple[str, ...]:
     told = "its true mode from this sample to the next" if not plant.switching.late else (
         "its mode from this sample to the next or still that of the step before; every mode is told for a sample at "
         "least")
-    given = f"and in->mode is {told}" if plant.switching.known else "with one of its modes active at any instant"
-    items = [f"The plant is the one of the plant file, {given}.",
+    given = f", and in->mode is {told}" if plant.switching.known else ", with one of its modes active at any instant"
+    items = [f"The plant is the one of the plant file{given if plant.modes else ''}.",
              f"Every sample period ({period}) there is exactly one call of step or predict.",
              "At the call of init the state is in its initial box; at all times it is in its range. The range "
              + ("cuts the bounds in every call." if tables.clamp else

@@ -1,132 +1,110 @@
-"""A polytopic observer in a view: the weights as operations, the sums of the step, every number a string."""
+"""A polytopic observer as C: the weights as operations, the sums of the step, members and tables."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..observers.polytopic import LIBM, TRUTHS, PolytopicTables, Program
-from .cprint import C_TYPE, Term, check_prefix, count_operations, literal, paragraph, product, sum_lines
-from .manual import Channel, channels
-from .parts import Operations
+from ..observers.polytopic_step import LIBM, TRUTHS, Program
+from ..observers.polytopic_tables import PolytopicTables
+from .cprint import C_TYPE, Term, count_operations, initialiser, literal, macro_names, product, sum_lines
+from .families import Member, Word, state_layout
+from .manual import FILTERS, Bit
+from .maps import Names, Table
+from .parts import Field, Move, Operations, Parts, Size, assign, vector_table
 
 Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class Check:
-    """A function that accepts a vector within its ranges, and the answer where it does not; ``branch``: if, else if."""
-
-    branch: str
-    name: str
-    vector: str
-    status: str
-    conditions: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class PolytopicView:
-    """Everything the C needs. Tuples of ``inputs``, ``parameters`` and ``libm`` are empty where there are none."""
+    """Sizes, statements, tables. Of ``libm``, ``varies``, ``weighted`` (the name of the raw residual) one entry or
+    none; ``reads`` and ``called`` are the parameter ``in`` of the weights, ``idle`` and ``unread`` say
+    that nothing reads it.
+    """
 
-    prefix: str
-    macro: str
-    real: str
-    c_type: str
-    zero: str
-    mantissa: str
-    digits: int
-    banner: tuple[str, ...]
-    claims: tuple[str, ...]
-    cost: str
-    x: tuple[Channel, ...]
-    u: tuple[Channel, ...]
-    y: tuple[Channel, ...]
-    theta: tuple[Channel, ...]
-    vertices: int
-    inputs: tuple[str, ...]
-    parameters: tuple[str, ...]
+    sizes: tuple[Size, ...]
     libm: tuple[str, ...]
     reads: str
     called: str
     idle: tuple[str, ...]
     varies: tuple[str, ...]
-    spare: tuple[str, ...]
-    unchecked: tuple[str, ...]
-    checks: tuple[Check, ...]
-    rest: tuple[str, ...]
-    measured: tuple[Check, ...]
     weights: tuple[str, ...]
-    start: tuple[str, ...]
     estimate: tuple[str, ...]
     residual: tuple[str, ...]
+    shown: tuple[str, ...]
     move: tuple[str, ...]
+    thresholds: Table
+    limits: tuple[Table, ...]
+    row: str
+    unread: tuple[str, ...]
 
 
-def view(plant, t: PolytopicTables, claims: list[str], prefix: str, version: str) -> PolytopicView:
-    """Decide everything about the C of a polytopic observer.
+def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
+    """Decide what is the polytopic observer's own.
 
     Parameters
     ----------
-    plant : Plant
     t : PolytopicTables
-    claims : list of str
-        What is proved of these tables.
-    prefix : str
-    version : str
-        Of the generator, for the banner.
+    s : Supervision
+    names : Names
+    signals : tuple of tuple of Channel
+        x, u, y and measured parameters.
 
     Returns
     -------
-    PolytopicView
-
-    Raises
-    ------
-    EmitError
-        The prefix cannot start C names, or a number is none of the type.
+    Parts
     """
-    p, m, real = check_prefix(prefix), prefix.upper(), t.real
-    (_, n), h = t.C.shape, len(t.F)
-    measured = [s for s in plant.theta if s.measured]
-    names = {"u": plant.u, "y": plant.y, "theta": measured}
-    checks = tuple(_check(p, m, vector, getattr(t, f"{vector}_lo"), getattr(t, f"{vector}_hi"), real)
-                   for vector in ("u", "theta", "y") if len(names[vector]))
-    before = [c for c in checks if c.vector != "y"]
-    before = [replace(c, branch="else if" if k else "if") for k, c in enumerate(before)]
-    # What the weights read of *in besides x_hat: where it is nothing, *in is no parameter.
+    _, u, y, theta = signals
+    m, real, (n, p) = names.macro, names.real_type, t.T2.shape
+    words: list[Word] = [("since", "", f"samples since a start of the table of thresholds, 0 to {t.last << t.shift}")]
+    numbers: list[Member] = [(real, "z", f"[{m}_NX]", ("state of the observer",)),
+                             (real, "y", f"[{m}_NY]", ("last measurement",))]
+    bits = tuple(Bit(stem, f"0x{1 << c.index:X}U", f"residual {c.name} beyond its bound")
+                 for c, stem in zip(y, macro_names(c.name for c in y)))
+    seen = "M (y - C x_hat)" if t.weighted else "y - C x_hat"
+    word = "uint32_t"
+    out = ((real, "x_hat", f"[{m}_NX]", ("estimate of x at this sample",)),
+           (real, "r", f"[{m}_NY]", (f"residual {seen}; 0 after predict",)),
+           (real, "r_bound", f"[{m}_NY]", ("largest magnitude of r without a fault; 0 after predict",)),
+           (word, "raw", "", (f"{m}_BIT_ of what is beyond its bound at this sample; 0 after predict",)),
+           (word, "alarm", "", ("the same after the debounce; 0 after predict",)),
+           (word, "latched", "", ("alarm bits as kept; act on these",)),
+           (word, "assured", "", ("1: the bounds and alarms of this sample are guaranteed; 0: they are not",)),
+           (word, "inside", "", ("1: x_hat is where the weights are in force; 0: it is not",)),
+           (word, "settled", "", ("1: r_bound has come down to where it stays; 0: it may be higher",)))
+    move, sums = steps(t)
     read = {k for op in t.weights.operations for k in op.args if n <= k < t.weights.inputs}
-    step, parts = steps(t)
-    mantissa = ("FLT_MANT_DIG", 24) if real == "float32" else ("DBL_MANT_DIG", 53)
-    x = channels(plant.x, *(np.asarray(v).astype(real) for v in plant.limits("x")), real, "x_hat")
-    counted = _operations(t, parts)
-    return PolytopicView(
-        prefix=p, macro=m, real=real, c_type=C_TYPE[real], zero=literal(0.0, real), mantissa=mantissa[0],
-        digits=mantissa[1],
-        banner=(*paragraph(f"{plant.name}: {plant.title or plant.name}"), f"residua {version}, polytopic observer"),
-        claims=tuple(line for claim in claims for line in paragraph(claim, "- ", "  ")),
-        cost=f"{counted.multiply} multiplications, {counted.add} additions, {counted.compare} comparisons, "
-             f"{t.weights.count('div')} divisions, {t.weights.count(*LIBM)} calls of <math.h>",
-        x=x, u=channels(plant.u, t.u_lo, t.u_hi, real, "u"), y=channels(plant.y, t.y_lo, t.y_hi, real, "y"),
-        theta=channels(measured, t.theta_lo, t.theta_hi, real, "theta"), vertices=h,
-        inputs=(f"{m}_NU",) * bool(plant.u), parameters=(f"{m}_NTHETA",) * bool(measured),
-        libm=("",) * bool(t.weights.count(*LIBM, "sqrt")), reads=f"const {p}_in *in, " if read else "",
-        called="in, " if read else "", idle=() if read or plant.u else ("(void)in;",),
-        varies=("",) * bool(parts["inner"]), spare=("",) * (real == "float64"),
-        unchecked=() if plant.u or measured else ("(void)in;",), checks=tuple(before),
-        rest=("/* status stays OK */",) * (len(before) > 1),
-        measured=tuple(c for c in checks if c.vector == "y"),
-        weights=weight_lines(t.weights, plant.n_x, plant.n_u, real),
-        start=(*(f"s->z[{i}] = {literal(v, real)};" for i, v in enumerate(t.z0)),
-               *(f"s->y[{i}] = {literal(v, real)};" for i, v in enumerate(t.y0))),
-        estimate=tuple(_statement(f"x_hat[{i}]", terms, real) for i, terms in enumerate(parts["x_hat"])),
-        residual=tuple(_statement(f"r[{i}]", terms, real) for i, terms in enumerate(parts["r"])), move=step)
+    begin = (*assign("s->z", t.z0, t.real), *assign("s->y", t.y0, t.real), f"s->since = {t.start << t.shift}U;")
+    whole = (*assign("s->z", t.z_mid, t.real), *assign("s->y", t.y_mid, t.real), "s->since = 0U;")
+    rows = [f"{initialiser(row, t.real)}," for row in t.h]
+    each = f", {1 << t.shift} samples each" if t.shift else ""
+    notes = {0: f"/* from anywhere{each} */", t.last: "/* for ever */"}
+    table = tuple(line for k, row in enumerate(rows) for line in ([notes[k]] if k in notes else []) + [row])
+    shown = tuple(_statement(f"out->r[{i}]", _terms(row, [f"r[{k}]" for k in range(p)], t.real), t.real)
+                  for i, row in enumerate(t.M))
+    view = PolytopicView(
+        sizes=(Size("NH", f"{len(t.F)}U", "vertices"),
+               Size("ROWS", f"{t.last + 1}U", "rows of the table of thresholds; the last holds for ever"),
+               Size("LAST", f"{t.last << t.shift}U", "s->since once the last row holds")),
+        libm=("",) * bool(t.weights.count(*LIBM, "sqrt")), reads=f"const {names.prefix}_in *in, " if read else "",
+        called="in, " if read else "", idle=() if read or u else ("(void)in;",), varies=("",) * bool(sums["inner"]),
+        weights=weight_lines(t.weights, n, t.G.shape[2], t.real),
+        estimate=tuple(_statement(f"x_hat[{i}]", terms, t.real) for i, terms in enumerate(sums["x_hat"])),
+        residual=tuple(_statement(f"r[{i}]", terms, t.real) for i, terms in enumerate(sums["r"])), shown=shown,
+        move=move, thresholds=Table("threshold", f"[{m}_ROWS][{m}_NY]", (), table),
+        limits=(vector_table("least", f"{m}_NX", t.z_lo, t.real), vector_table("most", f"{m}_NX", t.z_hi, t.real)),
+        row=f"(s->since >> {t.shift}U)" if t.shift else "s->since", unread=() if u or theta else ("in",))
+    return Parts(
+        noun=FILTERS, header="polytopic.h.jinja", self_test="harness/test_polytopic.c.jinja", bits=bits, maps=(),
+        state=state_layout(names, s, p, numbers, n + p, [], words), out_fields=tuple(Field(*f) for f in out),
+        operations=_operations(t, sums), cuts=(), start=begin, whole_range=whole, crossed=(), late=(),
+        move=Move("", ""), sets=(view,), told=False)
 
 
-def _check(p: str, m: str, vector: str, lo: Array, hi: Array, real: str) -> Check:
-    status = {"u": "BAD_INPUT", "theta": "BAD_PARAMETER", "y": "BAD_OUTPUT"}[vector]
-    return Check("if", f"{p}_{vector}_accepted", vector, f"{m}_{status}",
-                 tuple(f"(in->{vector}[{i}] >= {literal(a, real)}) && (in->{vector}[{i}] <= {literal(b, real)})"
-                       for i, (a, b) in enumerate(zip(lo, hi))))
+def _terms(row: Array, names: list[str], real: str) -> list[Term]:
+    return [term for c, name in zip(row, names) for term in product(float(c), name, real)]
 
 
 def _statement(target: str, terms: list[Term], real: str) -> str:
@@ -145,7 +123,7 @@ def steps(t: PolytopicTables) -> tuple[tuple[str, ...], dict[str, list]]:
     operands = [*(f"x_hat[{k}]" for k in range(n)), *(f"in->u[{k}]" for k in range(m)), *(f"r[{k}]" for k in range(p))]
 
     def terms(row: Array, names: list[str]) -> list[Term]:
-        return [term for c, name in zip(row, names) for term in product(float(c), name, real)]
+        return _terms(row, names, real)
 
     x_hat = [[("+", f"s->z[{i}]"), *terms(t.T2[i], [f"y[{k}]" for k in range(p)])] for i in range(n)]
     r = [[("+", f"y[{i}]"), *terms(-t.C[i], operands[:n])] for i in range(p)]
@@ -168,9 +146,12 @@ def _operations(t: PolytopicTables, parts: dict[str, list]) -> Operations:
     counts = [count_operations(terms) for key in parts for terms in parts[key]]
     multiply, add = (sum(c[k] for c in counts) for k in (0, 1))
     w = t.weights
-    ranges = 2 * (len(t.u_lo) + len(t.y_lo) + len(t.theta_lo))
+    weighted = [count_operations(_terms(row, ["r"] * len(row), t.real)) for row in t.M] if t.weighted else []
+    multiply, add = multiply + sum(a for a, _ in weighted), add + sum(b for _, b in weighted)
+    # Ranges of what comes in and of z, thresholds and the signs of what they are compared with.
+    ranges = 2 * (len(t.u_lo) + len(t.y_lo) + len(t.theta_lo) + len(t.z_lo) + len(t.M))
     return Operations(multiply + w.count("mul"), add + w.count("add", "sub"),
-                      ranges + w.count("ge", "le", "gt", "min", "max", "abs") + 2 * w.count("div"))
+                      ranges + w.count("ge", "le", "gt", "min", "max", "abs") + 2 * w.count("div"), w.count("div"))
 
 
 def weight_lines(w: Program, n_x: int, n_u: int, real: str) -> tuple[str, ...]:

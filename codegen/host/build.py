@@ -88,7 +88,7 @@ def build(folder: str | Path) -> Driver:
     with tempfile.TemporaryDirectory(prefix="residua-") as scratch:
         glue, library = Path(scratch) / "run.c", Path(scratch) / f"{prefix}.so"
         glue.write_text(render("harness/run.c.jinja", h=view), encoding="ascii")
-        run(["gcc", *FLAGS, f"-I{folder}", str(folder / f"{prefix}.c"), str(glue), "-o", str(library)])
+        run(["gcc", *FLAGS, f"-I{folder}", str(folder / f"{prefix}.c"), str(glue), "-o", str(library), "-lm"])
         # Once it is loaded the file is not needed: the system keeps it until the driver is gone.
         return Driver(folder, record, ffi, ffi.dlopen(str(library)))
 
@@ -151,5 +151,5 @@ def own_words(record: dict) -> tuple[str, ...]:
 START = ("x_lo", "x_hi", "z_lo", "z_hi", "x_hat", "shape", "box_lo", "box_hi")
 ALWAYS = ("x_hat", "x_lo", "x_hi")
 MEASURED = ("r_lo", "r_hi", "r", "r_bound", "f_hat", "f_bound")
-WORDS = ("mode", "mode_set", "settled_set", "age")
-VECTORS = frozenset({*START, *ALWAYS, *MEASURED, "u", "y", "theta", "history", "xi", "alive"})
+WORDS = ("mode", "mode_set", "settled_set", "age", "inside", "settled")
+VECTORS = frozenset({*START, *ALWAYS, *MEASURED, "u", "y", "theta", "history", "xi", "alive", "z"})

@@ -12,6 +12,8 @@ from .interval import IntervalObserver
 from .mode_observer import ModeObserver, ModeTrace
 from .mode_tables import ModeTables
 from .point import PointObserver, PointTables
+from .polytopic import PolytopicObserver, PolytopicTrace
+from .polytopic_tables import PolytopicTables
 from .runner import Runner
 from .schedule import ScheduleObserver, ScheduleTables
 from .supervisor import Supervision
@@ -23,10 +25,12 @@ from .zonotope import ZonotopeObserver, ZonotopeTables
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
             "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
-            "filter": FilterObserver, "mode": ModeObserver, "bank": BankObserver}
+            "filter": FilterObserver, "mode": ModeObserver, "polytopic": PolytopicObserver, "bank": BankObserver}
 
-__all__ = ["FAMILIES", "BankObserver", "BankTables", "BankTrace", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "EllipsoidObserver",
-           "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables",
-           "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
-           "Runner", "ScheduleObserver", "ScheduleTables", "Supervision", "ThresholdObserver", "ThresholdTables",
-           "TnlObserver", "Trace", "TraceTables", "Variation", "ZonotopeObserver", "ZonotopeTables"]
+__all__ = ["FAMILIES", "BankObserver", "BankTables", "BankTrace", "BlockObserver", "BlockTables", "BoxObserver",
+           "BoxTables", "Coordinates", "EllipsoidObserver", "EllipsoidTables", "EllipsoidTraceObserver",
+           "FilterObserver", "FilterTables", "FilterTrace", "FramerTables", "IntervalObserver", "ModeObserver",
+           "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace", "PolytopicObserver",
+           "PolytopicTables", "PolytopicTrace", "Runner", "ScheduleObserver", "ScheduleTables", "Supervision",
+           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables", "Variation",
+           "ZonotopeObserver", "ZonotopeTables"]

@@ -22,7 +22,7 @@ import numpy as np
 
 from ..algebra.program import Operation, Program
 from .point import plain
-from .polytopic import step, summed
+from .polytopic_step import step, summed
 from .runner import Runner, pack
 from .supervisor import SupervisorState, judge
 from .thresholds import refuse
@@ -265,7 +265,7 @@ class BankObserver(Runner):
         seen = on & measured
         level, inside = np.zeros((len(q), len(t.members)), t.dtype), np.ones(len(q), dtype=bool)
         for p, m in enumerate(t.members):
-            _, r, _, within, after = step(m, self.z[p], u, y[:, m.seen], theta, seen)
+            _, r, within, after = step(m, self.z[p], u, y[:, m.seen], theta, seen)
             a = averaged(m, self.a[p], r, t.dtype.type(t.rate))
             level[:, p], inside = squared(a), inside & within
             self.z[p] = np.where(seen[:, None], after, self.z[p])

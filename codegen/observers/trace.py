@@ -16,6 +16,11 @@ class Rows:
         """Return one run (or any index of the leading axes) as a trace."""
         return type(self)(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
 
+    @property
+    def bounded(self) -> bool:
+        """Whether it has bounds of the state."""
+        return hasattr(self, "x_lo")
+
     def numbers(self) -> list[Array]:
         """The fields that are numbers, in their order."""
         fields = (getattr(self, name) for name in self.__dataclass_fields__)
@@ -24,6 +29,11 @@ class Rows:
     def words(self) -> list[Array]:
         """The fields that are words of one family alone."""
         return []
+
+    def word_names(self) -> list[str]:
+        """The names of these fields."""
+        words = self.words()
+        return [name for name in self.__dataclass_fields__ if any(getattr(self, name) is w for w in words)]
 
     def differs(self, other: Rows) -> list[str]:
         """Names of the fields in which two traces are not ``==`` (NaN equals NaN)."""

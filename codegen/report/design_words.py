@@ -9,8 +9,8 @@ import numpy as np
 
 from ..analysis.detectability import limited, ultimate_errors
 from ..certify.claims import ultimate_width
-from ..observers import FilterTables, PointTables
-from . import filter_words, mode_words, parameter_words, words
+from ..observers import FilterTables, PointTables, PolytopicTables
+from . import filter_words, mode_words, parameter_words, polytopic_words, words
 from .plant_words import reach
 from .table import Cell, Fact, Folded, Row, Table, table
 
@@ -68,6 +68,8 @@ def proved_switching(cert: dict) -> str:
     """Say for which switching the certificate's level holds."""
     if cert["kind"] == "mode":
         return mode_words.switching(cert)
+    if cert["kind"] == "polytopic":
+        return "any weights of the vertices, as they move with the state and as the estimate takes them"
     if cert["kind"] == "filter" and cert["dwell_add"]:
         tau, chatter = cert["dwell_add"] / cert["dwell_drain"], cert["dwell_limit"] / cert["dwell_add"]
     elif cert["kind"] != "linf" or limited(cert) is None:
@@ -86,11 +88,14 @@ def is_point(design, real: str) -> bool:
 def _facts(design, real: str) -> tuple[Fact, ...]:
     criterion = design.options.get("criterion", "")
     own = filter_words.facts(design, real) if is_filter(design, real) else ()
+    own = polytopic_words.facts(design, real) if is_polytopic(design, real) else own
     tried = words.count(len(design.choice), "certified design")
     if "gains" in design.options:
         why = "the gains were given in the plant file; they were certified, not chosen"
     elif design.certificate[real]["kind"] == "mode":
         why = "there is nothing to choose but how many ages are told apart: the fewest that can be certified"
+    elif is_polytopic(design, real):
+        why = "there is one design: the lowest level within the bounds of gain and decay"
     elif not design.plant.f and not criterion:
         why = f"of {tried}, the narrowest was kept: there is no fault channel"
     else:
@@ -112,7 +117,7 @@ def _family(design) -> str:
 def _varying(design, real: str) -> str:
     """What is added for parameters and unknowns."""
     vary = design.observer.tables[real].vary
-    if vary is None:
+    if vary is None or is_polytopic(design, real):
         return ""
     parts = ["constants affine in the measured parameters"] * bool(vary.parameters)
     parts += ["radii for what is only bounded"] * bool(np.any(vary.R) or np.any(vary.S))
@@ -154,6 +159,8 @@ def settled_width(design, real: str) -> np.ndarray | None:
 def _bounds(design, real: str) -> tuple[Table, ...]:
     if is_filter(design, real):
         return filter_words.tables(design, real)
+    if is_polytopic(design, real):
+        return polytopic_words.tables(design, real)
     width = settled_width(design, real)
     if width is None:
         return mode_words.delays(design, real)
@@ -173,12 +180,13 @@ def _assumed(design, real: str) -> tuple[str, ...]:
     plant, tables = design.plant, design.observer.tables[real]
     told = "that of the sample or of the one before" if plant.switching.late else "the true one"
     given = f"the mode given to the firmware is {told}" if plant.switching.known else "nobody tells its mode"
-    items = [f"The plant is the one of the plant file, with no fault acting; {given}.",
+    given = f"; {given}" if plant.modes else ""
+    items = [f"The plant is the one of the plant file, with no fault acting{given}.",
              f"There is one call of step or predict every {words.seconds(plant.sample_period)}.",
              "At init the state is in its initial box; at all times it is in its declared range. The range "
              + ("cuts the bounds at every call." if tables.clamp else
                 "is where the estimate and its set restart after a fault." if isinstance(tables, PointTables) else
-                "is where the thresholds restart after a fault." if is_filter(design, real) else
+                "is where the thresholds restart after a fault." if not bounds_states(design, real) else
                 "is where the bounds restart after a fault, and cuts them while a measurement is missing."),
              "Disturbance and noise keep to the bounds listed above."]
     items += parameter_words.assumed(plant)
@@ -209,7 +217,8 @@ def _limits(design, point: bool) -> tuple[str, ...]:
 def _not_guaranteed(design, real: str) -> tuple[str, ...]:
     debounce, point = design.observer.supervision.debounce, is_point(design, real)
     items = ["That a fault below the thresholds is found. It may be, or may not.",
-             *(_FILTER_LIMITS if is_filter(design, real) else _limits(design, point)),
+             *(_FILTER_LIMITS if is_filter(design, real) else polytopic_words.LIMITS if is_polytopic(design, real)
+               else _limits(design, point)),
              "Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
              "with the observer settled before it.", *parameter_words.not_guaranteed(design.plant)]
     if debounce != (1, 1):
@@ -225,9 +234,19 @@ def is_filter(design, real: str) -> bool:
     return isinstance(design.observer.tables[real], FilterTables)
 
 
+def is_polytopic(design, real: str) -> bool:
+    """Whether the firmware is an observer with weights, without bounds of the state."""
+    return isinstance(design.observer.tables[real], PolytopicTables)
+
+
+def bounds_states(design, real: str) -> bool:
+    """Whether the firmware answers with bounds of the state."""
+    return not (is_filter(design, real) or is_polytopic(design, real))
+
+
 def varies(design, real: str) -> bool:
     """Whether the constants depend on parameters or have radii."""
-    return design.observer.tables[real].vary is not None
+    return not is_polytopic(design, real) and design.observer.tables[real].vary is not None
 
 
 def hides(design, real: str, channel: str) -> bool:

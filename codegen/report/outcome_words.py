@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..analysis.validate import Episode, Outcome
-from ..observers import FilterTrace
 from . import words
-from .design_words import NEVER, hides, is_filter, settled_width
+from .design_words import NEVER, bounds_states, hides, is_filter, is_polytopic, settled_width
 from .table import Cell, Folded, Table, table, verdict
 
 FEW = 6  # episodes that are shown without a click
@@ -82,6 +81,8 @@ def promise(design, real: str, outcome: Outcome, e: Episode) -> tuple[int | None
     before = e.start - 1
     if is_filter(design, real):
         wide = not np.all(trace.f_bound[e.start] <= design.observer.tables[real].h[-1, outcome.truth.q[e.start]])
+    elif is_polytopic(design, real):
+        wide = not trace.settled[e.start]
     else:
         wide = width is None or np.any(trace.x_hi[e.start] - trace.x_lo[e.start] > width)
     if wide or e.start == 0 or not (trace.assured[before] and outcome.settled[before]):
@@ -95,7 +96,7 @@ def promise(design, real: str, outcome: Outcome, e: Episode) -> tuple[int | None
         step, measured = values[:d + 1], ~np.isnan(trace.numbers()[-2][e.start:e.start + d + 1])
         if len(step) == d + 1 and np.all(step == step[0]) and measured.all():
             t, at = design.observer.tables[real], slice(e.start, e.start + d + 1)
-            far = not is_filter(design, real) and np.any((trace.x_hi[at] <= t.x_lo) | (trace.x_lo[at] >= t.x_hi))
+            far = bounds_states(design, real) and np.any((trace.x_hi[at] <= t.x_lo) | (trace.x_lo[at] >= t.x_hi))
             return (None, "a bound on the far end of the range") if far and hides(design, real, e.channel) else (d, "")
         reason = "too short, no step, or a sample is missing"
     if np.any(values != values[0]):
@@ -173,7 +174,7 @@ def _when(outcome: Outcome, period: float) -> str:
 def _fooled(outcome: Outcome) -> str:
     """Tell of samples at which an unseen fault made the firmware sure of wrong bounds."""
     o, fault = outcome, np.any(outcome.truth.f != 0, axis=1)
-    if isinstance(o.trace, FilterTrace):
+    if not o.trace.bounded:
         return ""
     outside = np.any((o.truth.x > o.trace.x_hi) | (o.truth.x < o.trace.x_lo), axis=1)
     n = int(np.sum(fault & outside & o.trace.assured))

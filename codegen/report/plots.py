@@ -39,7 +39,8 @@ def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
     tuple of Plot
     """
     run, title = plots.whole(plant, o.truth, o.trace), o.scenario.name
-    caption = ESTIMATE if isinstance(o.trace, FilterTrace) else RESIDUAL + (JOINTLY if joint_only(run).any() else "")
+    joint = o.trace.bounded and joint_only(run).any()
+    caption = ESTIMATE if isinstance(o.trace, FilterTrace) else RESIDUAL + JOINTLY * bool(joint)
     every = Plot(inline(plots.residual_figure(run), f"{name}r", f"Residuals of scenario {title}"), caption)
     if not o.episodes or (len(o.episodes) <= MANY and len(o.trace.status) <= LONG):
         return (every,)
@@ -52,7 +53,7 @@ def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
 
 def states(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
     """Plot the state bounds of a scenario; the parameters are those of ``residuals``."""
-    if isinstance(o.trace, FilterTrace):
+    if not o.trace.bounded:
         return ()
     run = plots.whole(plant, o.truth, o.trace)
     known = "" if run.simulated else " A record has no true state to compare with."

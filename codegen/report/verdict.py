@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..analysis.validate import Outcome
 from . import firmware_words, outcome_words, words
-from .design_words import is_filter
+from .design_words import bounds_states, is_filter, is_polytopic
 from .table import Fact
 
 
@@ -49,7 +49,7 @@ def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict
     injected = sum(len(o.episodes) for o in outcomes)
     simulated = [o for o in outcomes if not outcome_words.is_record(o)]
     parts = ["the compiled C agrees with the reference in every bit", "no false alarm"]
-    if simulated and not is_filter(design, real):
+    if simulated and bounds_states(design, real):
         parts.insert(1, f"no true state outside its bounds ({words.count(len(simulated), 'simulated scenario')})")
     text = f"In {words.count(len(outcomes), 'scenario')} with {words.count(samples, 'sample')}: {words.listed(parts)}."
     if injected:
@@ -76,6 +76,10 @@ def purpose(design) -> str:
                 f"reads {outputs}, answers with an estimate of {faults}, and raises an alarm only where the estimate "
                 "cannot be explained without a fault.")
     states = words.listed(s.name for s in plant.x)
+    if is_polytopic(design, plant.target.real):
+        return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
+                f"reads {outputs}, answers with an estimate of {states}, and raises an alarm only where a residual "
+                "cannot be explained without a fault.")
     return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it reads "
             f"{outputs}, answers with guaranteed bounds on {states}, and raises an alarm only when the measurements "
             "cannot be explained without a fault.")

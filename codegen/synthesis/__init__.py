@@ -7,8 +7,12 @@ from types import ModuleType
 
 from . import (
     component_interval,
+    descriptor_discrete,
+    descriptor_error,
+    descriptor_uncertain,
     ellipsoid,
     fault_filter,
+    hminus_hinf,
     interval,
     lpv_interval,
     mode_set,
@@ -52,7 +56,7 @@ class Method:
     @property
     def sets(self) -> bool:
         """Whether it is an estimate with an error set, which the options ``SETS`` choose."""
-        return not (self.framers or self.estimates_mode or self.family == "filter")
+        return not (self.framers or self.estimates_mode or self.family in ("filter", "polytopic"))
 
     @property
     def estimates_mode(self) -> bool:
@@ -91,6 +95,18 @@ METHODS = {
                         "Zammali (2020), Theorem 21", ellipsoid, automatic=False),
     "hinf-filter": Method(("discrete switched", "discrete LPV"), "filter", "filter that estimates faults, H-infinity",
                           "Farhat, Koenig (2016)", fault_filter, automatic=False),
+    "descriptor-uncertain": Method(("continuous polytopic descriptor",), "polytopic",
+                                   "observer with weights at its estimate, mismatch as uncertainty, H-infinity",
+                                   "Lopez-Estrada (2014), Theorem 3.3.1", descriptor_uncertain, automatic=False),
+    "descriptor-error": Method(("continuous polytopic descriptor",), "polytopic",
+                               "observer with weights at its estimate, error centred at each vertex, H-infinity",
+                               "Lopez-Estrada (2014), Theorem 3.4.2", descriptor_error, automatic=False),
+    "descriptor-discrete": Method(("continuous or discrete polytopic descriptor",), "polytopic",
+                                  "observer with weights at its estimate, designed in discrete time",
+                                  "Lopez-Estrada (2014), Theorem C.2.1", descriptor_discrete, automatic=False),
+    "hminus-hinf": Method(("continuous polytopic descriptor",), "polytopic",
+                          "detection observer with weights at its estimate, H- and H-infinity",
+                          "Lopez-Estrada (2014), Theorem 4.3.3", hminus_hinf, automatic=False),
     "mode-set": Method(("continuous switched, mode unknown",), "mode", "the modes that are still possible",
                        "own; task of Zammali (2020), chapter 4", mode_set, automatic=False),
 }

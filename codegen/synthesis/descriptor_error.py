@@ -26,12 +26,21 @@ import cvxpy as cp
 import numpy as np
 
 from ..errors import DesignError
+from . import descriptor_problem
 from .descriptor_lmi import MARGIN, Bounds, DescriptorDesign, Storage, euler, he, minus, negative, solve
 from .descriptor_problem import DescriptorProblem, factors, visible
 from .descriptor_uncertain import INVISIBLE, hints
 
 Array = np.ndarray
+#: Options of ``[observer]``: as those of ``descriptor_uncertain``, and the form of the condition.
+OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "channel": ("state", "residual"), "form": ("centred", "printed"),
+           "set_rows": (4, 400), "within": (0, 50)}
 FORMS = ("centred", "printed")
+
+
+def inapplicable(plant) -> str | None:
+    """Why a plant cannot have this observer, with what to change; None if it can."""
+    return descriptor_problem.inapplicable(plant)
 
 
 def design(problem: DescriptorProblem, bounds: Bounds, form: str = "centred") -> DescriptorDesign:

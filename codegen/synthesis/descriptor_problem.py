@@ -63,6 +63,10 @@ class DescriptorProblem:
         """Vertices h, states n, outputs p, inputs m, unknown inputs q."""
         return *self.A.shape[:2], len(self.C), self.B.shape[2], self.Bd.shape[2]
 
+    def slowest_step(self) -> float:
+        """Largest magnitude of the finite eigenvalues of any vertex, of a discrete plant."""
+        return max((float(np.abs(finite_eigenvalues(self.E, A)).max(initial=0.0)) for A in self.A), default=0.0)
+
     def slowest(self) -> float:
         """Decay rate of the slowest finite eigenvalue of any vertex; negative where one grows."""
         return min((-float(finite_eigenvalues(self.E, A).real.max(initial=-np.inf)) for A in self.A), default=0.0)
@@ -181,6 +185,30 @@ def refusal(plant) -> str | None:
         return "its outputs contain the inputs (D is not zero). Declare y - D u as the output"
     if any(not s.measured for s in plant.theta):
         return "a parameter is not measured. Make it a disturbance, or a state"
+    return None
+
+
+def inapplicable(plant, continuous: bool = True) -> str | None:
+    """Why a plant cannot have an observer of these methods, with what to change; None if it can.
+
+    Parameters
+    ----------
+    plant : Plant
+    continuous : bool
+        The method is one in continuous time.
+    """
+    reason = refusal(plant)
+    if reason is not None:
+        return f"{reason}."
+    if continuous and plant.kind != "continuous":
+        return 'the plant is discrete, expected continuous. Use method "descriptor-discrete".'
+    for vector in "xuywv":
+        for s in getattr(plant, vector):
+            if not (np.isfinite(s.lo) and np.isfinite(s.hi)):
+                return f'signals.{vector} "{s.name}" has no range, expected one: thresholds rest on it. Add one.'
+    if not visible(problem_of(plant)):
+        return ("rank [E; C] is less than the number of states: no T1, T2 with T1 E + T2 C = I exist, an algebraic "
+                "state is not seen by the outputs. Measure it.")
     return None
 
 

@@ -1,0 +1,108 @@
+"""Thresholds of a polytopic observer's residual, checked exactly: a set of its error that every pair of vertices keeps.
+
+The set is one of ``filter_bounds``, for the recursion of ``polytope_bounds``. A start from anywhere has x in its
+declared range and z within its limits, the first one x in the initial box and z at its start.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product as pairs_of
+
+import numpy as np
+
+from ..errors import CertificateError
+from . import filter_bounds, polytope_bounds
+from .exact import Q, rational
+from .filter_bounds import Graph
+from .polytope_bounds import middle
+
+Array = np.ndarray
+
+
+def every_pair(problem):
+    """The problem with all pairs of vertices: thresholds do not rest on weights that both compute alike.
+
+    Parameters
+    ----------
+    problem : DescriptorProblem
+    """
+    return replace(problem, pairs=tuple(pairs_of(range(len(problem.A)), repeat=2)))
+
+
+def graph_of(model) -> Graph:
+    """Any pair of vertices may follow any other.
+
+    Parameters
+    ----------
+    model : sequence of JointMode
+    """
+    return Graph((None,), tuple((0, p, 0) for p in range(len(model))))
+
+
+def starts(plant, t, T1E: Array) -> tuple[Array, Array]:
+    """Bounds of |eb| at a start from the initial box, and at one from anywhere; rational (n,).
+
+    Parameters
+    ----------
+    plant : Plant
+    t : PolytopicTables
+    T1E : object array (n, n)
+    """
+    found = []
+    for x, z in (((plant.x0_lo, plant.x0_hi), (t.z0, t.z0)), (plant.limits("x"), (t.z_lo, t.z_hi))):
+        (mid, half), (at, room) = middle(*x), middle(*z)
+        found.append(abs(T1E @ mid - at) + abs(T1E) @ half + room)
+    return found[0], found[1]
+
+
+def check(plant, problem, t, cert: dict, T1: Array, period: float | None) -> None:
+    """Check all thresholds of a table.
+
+    Parameters
+    ----------
+    plant : Plant
+    problem : DescriptorProblem
+    t : PolytopicTables
+    cert : dict
+        See ``filter_bounds.maps``; "bounds" (1, m).
+    T1 : ndarray (n, n) or (h, n, n)
+    period : float or None
+
+    Raises
+    ------
+    CertificateError
+        Naming the row that fails.
+    """
+    model, T1E = polytope_bounds.model(plant, every_pair(problem), t, T1, period)
+    graph, rows, b = graph_of(model), np.array(cert["rows"], dtype=float), np.array(cert["bounds"], dtype=float)
+    found = filter_bounds.maps(model, cert, 0)
+    if b.shape != (1, len(rows)) or not np.all(b >= 0):
+        raise CertificateError(f"certificate: bounds of shape {b.shape} (found), expected one row of {len(rows)} that "
+                               "are not negative.")
+    over = found.after(graph, b) - b
+    if np.any(over > 0):
+        raise CertificateError(f"certificate: the set of the error is not kept: row {int(np.argmax(over[0]))} exceeds "
+                               f"its bound by {np.max(over):.3g}.")
+    if not 0 <= t.shift < 16 or t.start not in (0, t.last):
+        raise CertificateError(f"certificate: the table of {t.last + 1} rows starts at {t.start}.")
+    if not all(np.all(a <= z) and np.all(z <= c) for z in (t.z0, t.z_mid) for a, c in [(t.z_lo, t.z_hi)]):
+        raise CertificateError("certificate: z does not start within its limits.")
+    if any(Q(a) < Q(c) or Q(b) > Q(d) for a, b, c, d in zip(plant.x0_lo, plant.x0_hi, *plant.limits("x"))):
+        raise CertificateError("certificate: the initial box is not within the declared range.")
+    first, whole = (filter_bounds.raised(abs(rational(rows)) @ half)[None] for half in starts(plant, t, T1E))
+    if t.start == t.last and np.any(first > b):
+        raise CertificateError("certificate: the initial box is not within the last bounds.")
+    proved = filter_bounds.table(found, graph, b, whole, t.last << t.shift)
+    for k in range(t.last << t.shift):
+        needed = proved[k] if k < len(proved) else found.estimate(graph, b)
+        _holds(needed, t.h[k >> t.shift], f"{k} samples after a start")
+    _holds(found.estimate(graph, b), t.h[t.last], "in the end")
+
+
+def _holds(needed: Array, given: Array, when: str) -> None:
+    needed = needed.max(axis=0)
+    wrong = np.flatnonzero(needed > given.astype(float))
+    if len(wrong):
+        raise CertificateError(f"certificate: residual {wrong[0]} reaches {needed[wrong[0]]:.6g} {when}, its threshold "
+                               f"is {float(given[wrong[0]]):.6g}.")

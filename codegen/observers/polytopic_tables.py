@@ -1,0 +1,163 @@
+"""The numbers of a polytopic observer, as ``observers.polytopic`` and its C hold them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from ..algebra.program import Operation, Program
+from .point import plain
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The measured parameters of the weights: their columns in theta and what the check accepts, (1, J)."""
+
+    columns: tuple[int, ...]
+    theta_lo: Array
+    theta_hi: Array
+
+    @property
+    def parameters(self) -> int:
+        """Their number."""
+        return len(self.columns)
+
+    def read(self, theta: Array) -> Array:
+        """Take the measured columns; all of them where these alone are given."""
+        return theta if theta.shape[-1] == len(self.columns) else theta[..., list(self.columns)]
+
+
+@dataclass(frozen=True)
+class PolytopicTables:
+    """The numbers that the C holds (dtype float32 or float64); h vertices on the first axis.
+
+    Parameters
+    ----------
+    real : {"float32", "float64"}
+    T2 : ndarray (n, p), C : ndarray (p, n)
+    F : ndarray (h, n, n), G : ndarray (h, n, m), K : ndarray (h, n, p)
+    M : ndarray (p, p)
+        Weight of the residual.
+    z0, z_mid : ndarray (n,)
+        Start of z from the initial box, and from the declared range.
+    y0, y_mid : ndarray (p,)
+        Measurements that stand for a first one that is missing.
+    h : ndarray (R, p)
+        Thresholds of |M r|: rows 0 to R - 2 since a start from anywhere, the last.
+    start : int
+        Row after init: 0, or the last where the initial box allows it.
+    shift : int
+        A row holds for 2^shift samples.
+    z_lo, z_hi : ndarray (n,)
+        Limits of z.
+    x_lo, x_hi, x0_lo, x0_hi : ndarray (n,)
+        Declared range and initial box.
+    u_lo, u_hi : ndarray (m,), y_lo, y_hi : ndarray (p,), theta_lo, theta_hi : ndarray (n_theta,)
+        What the input check accepts.
+    columns : tuple of int
+        Of theta, those that are measured.
+    weights : Program
+        h weights and whether they are in force, of x_hat, u, theta.
+    """
+
+    real: str
+    T2: Array
+    C: Array
+    F: Array
+    G: Array
+    K: Array
+    M: Array
+    z0: Array
+    z_mid: Array
+    y0: Array
+    y_mid: Array
+    h: Array
+    start: int
+    shift: int
+    z_lo: Array
+    z_hi: Array
+    x_lo: Array
+    x_hi: Array
+    x0_lo: Array
+    x0_hi: Array
+    u_lo: Array
+    u_hi: Array
+    y_lo: Array
+    y_hi: Array
+    theta_lo: Array
+    theta_hi: Array
+    columns: tuple[int, ...]
+    weights: Program
+
+    #: No other coordinates (``FramerTables``); nothing is cut to the declared range.
+    change = None
+    clamp = False
+    signed = False
+
+    @property
+    def vary(self) -> Measured | None:
+        """The measured parameters, where there are some."""
+        return Measured(self.columns, self.theta_lo[None], self.theta_hi[None]) if self.columns else None
+
+    @property
+    def gains(self) -> Array:
+        """F, G and -K side by side (h, n, n + m + p): factors of (x_hat, u, r)."""
+        return np.concatenate([self.F, self.G, -self.K], axis=2)
+
+    @property
+    def shared(self) -> Array:
+        """Entries of `gains` that are the same at all vertices (n, n + m + p)."""
+        return np.all(self.gains == self.gains[0], axis=0)
+
+    @property
+    def weighted(self) -> bool:
+        """Whether the answer is another one than r."""
+        return not np.array_equal(self.M, np.eye(len(self.M)))
+
+    @property
+    def A(self) -> Array:
+        """A stack whose length is that of the modes: there is one."""
+        return self.C[None]
+
+    @property
+    def box(self) -> Array:
+        """Bounds of x: the declared range."""
+        return self.x_hi
+
+    @property
+    def dtype(self) -> np.dtype:
+        """The numpy type of the tables."""
+        return np.dtype(self.real)
+
+    @property
+    def last(self) -> int:
+        """The row that holds for ever."""
+        return len(self.h) - 1
+
+    def to_dict(self) -> dict:
+        """Return plain lists and numbers for design.json; every float is exact."""
+        w = self.weights
+        program = {"inputs": w.inputs, "constants": list(w.constants), "results": list(w.results),
+                   "operations": [[op.name, *op.args] for op in w.operations]}
+        return {f.name: plain(getattr(self, f.name)) for f in fields(self) if f.name not in ("weights", "columns")} | {
+            "columns": list(self.columns), "weights": program}
+
+    @classmethod
+    def from_dict(cls, data: dict, sizes: tuple[int, int, int, int]) -> PolytopicTables:
+        """Rebuild from ``to_dict``; ``sizes`` is (n_modes, n_x, n_u, n_y)."""
+        _, n, m, p = sizes
+        v, j = len(data["F"]), len(data["columns"])
+        shapes = {"T2": (n, p), "C": (p, n), "F": (v, n, n), "G": (v, n, m), "K": (v, n, p), "M": (p, p), "z0": (n,),
+                  "z_mid": (n,), "y0": (p,), "y_mid": (p,), "h": (-1, p), "z_lo": (n,), "z_hi": (n,), "x_lo": (n,),
+                  "x_hi": (n,), "x0_lo": (n,), "x0_hi": (n,), "u_lo": (m,), "u_hi": (m,), "y_lo": (p,), "y_hi": (p,),
+                  "theta_lo": (j,), "theta_hi": (j,)}
+        dtype, w = np.dtype(data["real"]), data["weights"]
+        arrays = {k: np.array(data[k], dtype=np.float64).reshape(s).astype(dtype) for k, s in shapes.items()}
+        weights = Program(w["inputs"], tuple(w["constants"]), tuple(Operation(name, tuple(args))
+                                                                    for name, *args in w["operations"]),
+                          tuple(w["results"]))
+        return cls(real=data["real"], start=int(data["start"]), shift=int(data["shift"]),
+                   columns=tuple(data["columns"]), weights=weights, **arrays)

@@ -1,0 +1,77 @@
+"""From a polytopic plant to a certified design."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from .analysis.detectability import surely_detected
+from .designs import Design, claims_of
+from .errors import CertificateError, DesignError
+from .observers import FAMILIES, Supervision
+from .plant.model import Plant
+from .polytopic_designs import certified, propose
+from .synthesis import METHODS
+
+#: Delay of a sure alarm that is looked at, where the plant file says nothing.
+WITHIN = 3
+
+
+def default(plant: Plant) -> str:
+    """The method for a polytopic plant that names none.
+
+    Parameters
+    ----------
+    plant : Plant
+    """
+    return "descriptor-discrete" if plant.kind == "discrete" else "descriptor-uncertain"
+
+
+def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], None]) -> Design:
+    """Tables of both number types, certified.
+
+    Parameters
+    ----------
+    plant : Plant
+    name : str
+        Key of METHODS.
+    options : dict
+        Of ``[observer]``.
+    progress : callable
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    DesignError
+        The method does not apply, or no observer or no threshold exists.
+    CertificateError
+        None survives rounding.
+    """
+    reason = METHODS[name].module.inapplicable(plant)
+    if reason is not None:
+        raise DesignError(f'{plant.name}: method "{name}" does not apply: {reason}')
+    progress(f"{name}: {len(plant.polytope.vertices)} vertices, {plant.n_x} states")
+    proposal, wanted = propose(plant, name, options), plant.target.real
+    tables, certs, failure = {}, {}, None
+    for real in (wanted, "float64" if wanted == "float32" else "float32"):
+        progress(f"{name}: level and thresholds ({real})")
+        try:
+            tables[real], certs[real] = certified(plant, proposal, options, real)
+        except (CertificateError, DesignError) as error:
+            if real == wanted:  # the other number type may be too coarse; generate says so when asked for it
+                raise type(error)(f"{plant.name}: {str(error).removeprefix(f'{plant.name}: ')}") from None
+            failure = error
+    progress(f"{name}: certified" + (f", but for one number type: {failure}" if failure else ""))
+    tables, certs = ({real: by[real] for real in ("float32", "float64") if real in by} for by in (tables, certs))
+    target, within = plant.target, int(options.get("within", WITHIN))
+    supervision = Supervision(debounce=target.debounce, latch=target.latch, recover=target.recover, hold=target.hold)
+    faults = {real: [{"channel": f.channel, "unit": f.unit, "by_delay": [None if x == float("inf") else x
+                                                                         for x in f.by_delay]}
+                     for f in surely_detected(plant, tables[real], certs[real], within)] for real in tables}
+    choice = [{"method": name, "design": f"observer of {len(plant.polytope.vertices)} vertices",
+               "level": certs[wanted]["level"], "relative_width": None,
+               "surely_detected": [f["by_delay"][-1] for f in faults[wanted]], "chosen": True}]
+    return Design(plant, name, FAMILIES["polytopic"](tables, supervision), certs,
+                  {real: claims_of(plant, tables[real], certs[real]) for real in tables}, faults, choice, options)

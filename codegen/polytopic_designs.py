@@ -1,0 +1,236 @@
+"""The methods of polytopic plants from plant to certified tables: design once, freeze and certify per number type.
+
+A firmware steps at a fixed period: what is certified is the recursion that it runs. Of a continuous plant that is
+either the Euler steps of an observer designed in continuous time, or what ``descriptor-discrete`` designs for the
+plant's Euler steps; its energy level is one for the plant by these steps, its thresholds hold for the plant itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .certify import polytope_thresholds
+from .certify.polytope_gain import check as check_energy
+from .descriptors import DESIGNS, SPARE, certified as certified_energy, euler_limit, problem_and_scaling
+from .detectors import faults_of
+from .errors import CertificateError, DesignError
+from .observers import PolytopicTables
+from .plant.model import Plant
+from .polytopic_tables import frozen, tables_of
+from .synthesis import hminus_hinf
+from .synthesis.descriptor_gains import StandardGains, euler_gains, rounded, standard_gains
+from .synthesis.descriptor_lmi import Bounds
+from .synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled, scaling_of, sizes
+from .synthesis.hminus_hinf import Faults
+
+Array = np.ndarray
+#: Where the plant file says nothing: largest gain, in the units of the design; decay as a share of the slowest mode's.
+GAIN, SHARE = 10.0, 0.5
+#: Decay per sample where the plant itself has none.
+LEAST_DECAY = 1e-3
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A design before its constants are rounded.
+
+    Parameters
+    ----------
+    method : str
+    problem : DescriptorProblem
+        In the plant's units.
+    s : Scaling
+    found : DescriptorDesign or DetectionDesign
+    period : float or None
+        Of a continuous plant.
+    limit : float or None
+        Longest period at which Euler steps of it decay.
+    """
+
+    method: str
+    problem: DescriptorProblem
+    s: Scaling
+    found: object
+    period: float | None
+    limit: float | None
+
+
+def decay_of(problem: DescriptorProblem, period: float | None) -> float:
+    """A decay rate that suits a plant, per second, or per sample where it is discrete: half that of its slowest mode.
+
+    Parameters
+    ----------
+    problem : DescriptorProblem
+    period : float or None
+    """
+    if problem.kind == "discrete":
+        slow = problem.slowest_step()
+        return max(-np.log(slow) * SHARE, LEAST_DECAY) if slow > 0 else 1.0
+    return max(problem.slowest() * SHARE, LEAST_DECAY / period)
+
+
+def by_steps(problem: DescriptorProblem, period: float) -> DescriptorProblem:
+    """The plant by Euler steps, for a design in discrete time.
+
+    Parameters
+    ----------
+    problem : DescriptorProblem
+        Of a continuous plant.
+    period : float
+    """
+    return replace(problem, A=problem.E + period * problem.A, B=period * problem.B, Bd=period * problem.Bd,
+                   kind="discrete")
+
+
+def propose(plant: Plant, method: str, options: dict) -> Proposal:
+    """Design by one of the methods.
+
+    Parameters
+    ----------
+    plant : Plant
+    method : str
+    options : dict
+        Of ``[observer]``.
+
+    Returns
+    -------
+    Proposal
+
+    Raises
+    ------
+    DesignError
+        No observer exists within the bounds, or Euler steps of it diverge at the plant's period.
+    """
+    problem, s = problem_and_scaling(plant, options.get("channel", "state"))
+    period = plant.sample_period if plant.kind == "continuous" else None
+    decay, gain = float(options.get("decay", decay_of(problem, period))), float(options.get("gain", GAIN))
+    free = options.get("factors", "free") == "free"
+    if method == "descriptor-discrete":
+        model = problem if period is None else by_steps(problem, period)
+        s = scaling_of(model, sizes(*plant.limits("x")), sizes(*plant.limits("y")), True)
+        bounds = Bounds(gain, decay if period is None else decay * period)
+        found = DESIGNS[method].design(scaled(model, s), bounds, free=free)
+        return Proposal(method, problem, s, found, period, None)
+    bounds = Bounds(gain, (1 + SPARE) * decay / s.time, (1 + SPARE) * period * s.time)
+    if method == "hminus-hinf":
+        faults = faults_of(plant)
+        inside = Faults(s.rows[:, None] * faults.Bf, faults.Df / s.outputs[:, None])
+        found = hminus_hinf.design(scaled(problem, s), inside, bounds, options.get("criterion", "all"), free)
+    else:
+        own = {"form": options.get("form", "centred")} if method == "descriptor-error" else {"free": free}
+        found = DESIGNS[method].design(scaled(problem, s), bounds, **own)
+    limit = euler_limit(problem, found, s)
+    if period >= limit:
+        raise DesignError(f"{plant.name}: {method}: Euler steps of {period:.4g} s diverge (found), expected less than "
+                          f'{limit:.4g} s for these gains. Sample faster, lower observer.gain, or use method '
+                          '"descriptor-discrete".')
+    return Proposal(method, problem, s, found, period, limit)
+
+
+def constants(proposal: Proposal, real: str) -> tuple[StandardGains, Array, Array]:
+    """Gains of the recursion and weight of the residual, rounded; T1.
+
+    Parameters
+    ----------
+    proposal : Proposal
+    real : {"float32", "float64"}
+
+    Returns
+    -------
+    gains : StandardGains
+    M : ndarray (n_y, n_y)
+    T1 : ndarray (n, n) or (h, n, n)
+    """
+    problem, s, found, period = proposal.problem, proposal.s, proposal.found, proposal.period
+    if proposal.limit is not None:
+        gains = euler_gains(problem, found, s, period, real)
+    else:
+        gains = standard_gains(problem if period is None else by_steps(problem, period), found, s, real)
+    weight = getattr(found, "M", None)
+    M = np.eye(len(problem.C)) if weight is None else rounded(weight / s.outputs, real)
+    T1 = s.factor1(found.T1)
+    return gains, M, T1[0] if T1.ndim == 3 and np.all(T1 == T1[0]) else T1
+
+
+def certified(plant: Plant, proposal: Proposal, options: dict, real: str) -> tuple[PolytopicTables, dict]:
+    """Freeze a proposal on one number type and certify level and thresholds.
+
+    Parameters
+    ----------
+    plant : Plant
+    proposal : Proposal
+    options : dict
+    real : {"float32", "float64"}
+
+    Returns
+    -------
+    tables : PolytopicTables
+    cert : dict
+
+    Raises
+    ------
+    CertificateError
+        No level is proved, or the thresholds are refused.
+    DesignError
+        No set is kept.
+    """
+    gains, M, T1 = constants(proposal, real)
+    start = {"form": "standard", "time": "discrete", "contraction": 1.0, "T1": T1.tolist()}
+    start |= {} if proposal.period is None else {"period": proposal.period}
+    gamma, proof, _ = certified_energy(proposal.problem, gains, start, proposal.s)
+    rows = options.get("set_rows")
+    t, held = frozen(plant, proposal.problem, tables_of(plant, gains, M, real), T1, proposal.period,
+                     None if rows is None else int(rows))
+    return t, {"kind": "polytopic", "level": gamma, "claimed": proposal.found.gamma, "energy": proof,
+               "limit": proposal.limit, "thresholds": held, "steady_box": None}
+
+
+def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
+    """Re-check a certificate in exact arithmetic; return what is proved, one sentence per claim.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : PolytopicTables
+    cert : dict
+
+    Raises
+    ------
+    CertificateError
+        Naming the pair or row that fails.
+    """
+    problem, proof = problem_of(plant, plant.options.get("channel", "state")), cert["energy"]
+    expected = plant.sample_period if plant.kind == "continuous" else None
+    if proof.get("period") != expected or proof["gamma"] != cert["level"]:
+        raise CertificateError(f"certificate: period {proof.get('period')} and level {cert['level']} (found), expected "
+                               f"{expected} and {proof['gamma']}. Design again.")
+    claims = check_energy(problem, t, proof)
+    polytope_thresholds.check(plant, problem, t, cert["thresholds"], np.array(proof["T1"]), expected)
+    return sentences(plant, t, cert, claims)
+
+
+def sentences(plant: Plant, t: PolytopicTables, cert: dict, energy: list[str]) -> list[str]:
+    """What is proved.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : PolytopicTables
+    cert : dict
+    energy : list of str
+        Claims of ``polytope_gain``.
+    """
+    last = ", ".join(f"{s.name}: {float(h):.4g}" for s, h in zip(plant.y, t.h[-1]))
+    between = ("; between samples the plant moves as it likes within its ranges, which the thresholds hold"
+               if plant.kind == "continuous" else "")
+    steps = [] if cert["limit"] is None else [
+        f"Euler steps of {plant.sample_period:g} s: those of this observer decay below {cert['limit']:.4g} s with "
+        "weights that stand still; at this period the recursion itself is certified, for weights that move"]
+    return [*energy, *steps,
+            "while no fault acts no |r| exceeds its r_bound at any sample, so there is no false alarm, whatever the "
+            f"weights of plant and observer do, rounding included ({t.real}, with or without fused multiply-add)"
+            + between,
+            f"once settled r_bound is {last}; it comes down to that within {t.last << t.shift} samples from anywhere "
+            "in the declared range of x"]

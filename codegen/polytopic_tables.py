@@ -1,0 +1,161 @@
+"""From a polytopic observer to its tables: constants, weights, limits of its state, thresholds that a set gives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .certify import filter_bounds, polytope_bounds, polytope_thresholds
+from .certify.exact import Q, down, rational, up
+from .errors import CertificateError, DesignError, EmitError
+from .filter_tables import ABOVE, LENGTH, RAISED, Chooser, above, grouped
+from .observers import PolytopicTables
+from .plant.model import Plant
+from .plant.weight_program import weight_program
+from .synthesis.descriptor_gains import StandardGains
+
+Array = np.ndarray
+#: Rows of the set at most, without ``observer.set_rows``; samples in which thresholds may come down.
+ROWS, MOST = 32, 4000
+#: Limits of z beyond where it can be without a fault, in bounds of the error.
+BEYOND = 1.5
+
+
+def tables_of(plant: Plant, gains: StandardGains, M: Array, real: str) -> PolytopicTables:
+    """The numbers that the C of an observer holds, but for thresholds and limits of z, which say nothing yet.
+
+    Parameters
+    ----------
+    plant : Plant
+        With a polytope, the one of the design.
+    gains : StandardGains
+        Of a recursion, rounded to this type.
+    M : ndarray (n_y, n_y)
+        Weight of the residual, rounded.
+    real : {"float32", "float64"}
+
+    Returns
+    -------
+    tables : PolytopicTables
+
+    Raises
+    ------
+    EmitError
+        The gains are of the other type, or the weights have a function without operation.
+    """
+    given = {k: getattr(gains, k).astype(real) for k in ("T2", "C", "F", "G", "K")} | {"M": M.astype(real)}
+    if any(not np.array_equal(value, given[k]) for k, value in (*vars(gains).items(), ("M", M))):
+        raise EmitError(f"{plant.name}: the observer's constants are no {real} (found). Design it for {real}.")
+    try:
+        weights = weight_program(plant.polytope, real)
+    except TypeError as error:
+        raise EmitError(f"{plant.name}: a weight cannot be printed: {error}. Write it with other functions.") from None
+    # z starts at T1 E x0 = (I - T2 C) x0: then x_hat is x0 with its algebraic part from the first measurement.
+    x, x0, most = plant.limits("x"), (plant.x0_lo, plant.x0_hi), float(np.finfo(real).max)
+    for name, (lo, hi) in {"x": x, "x0": x0}.items():
+        given[f"{name}_lo"] = np.array([down(Q(v), real) for v in lo], dtype=real)
+        given[f"{name}_hi"] = np.array([up(Q(v), real) for v in hi], dtype=real)
+    measured = [j for j, s in enumerate(plant.theta) if s.measured]
+    for name in ("u", "y", "theta"):
+        lo, hi = (np.clip(side[measured] if name == "theta" else side, -most, most) for side in plant.limits(name))
+        given |= {f"{name}_lo": lo.astype(real), f"{name}_hi": hi.astype(real)}
+    for z, y, (lo, hi) in (("z0", "y0", x0), ("z_mid", "y_mid", x)):
+        at = (np.asarray(lo) + np.asarray(hi)) / 2
+        given |= {z: (at - gains.T2 @ (gains.C @ at)).astype(real) + 0, y: (gains.C @ at).astype(real) + 0}
+        given[y] = np.clip(given[y], given["y_lo"], given["y_hi"])
+    n, p = gains.T2.shape
+    return PolytopicTables(real=real, h=np.zeros((1, p), real), start=0, shift=0, z_lo=np.zeros(n, real),
+                           z_hi=np.zeros(n, real), columns=tuple(measured), weights=weights, **given)
+
+
+def limited(plant: Plant, t: PolytopicTables, T1E: Array, room: Array) -> PolytopicTables:
+    """Tables with limits of z: where T1 E x can be, and so much beyond.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : PolytopicTables
+    T1E : ndarray (n, n)
+    room : ndarray (n,)
+    """
+    lo, hi = plant.limits("x")
+    mid, half = T1E @ (lo + hi) / 2, np.abs(T1E) @ (hi - lo) / 2 * (1 + 1e-6) + room + 1e-30
+    ends = np.minimum(mid - half, np.minimum(t.z0, t.z_mid)), np.maximum(mid + half, np.maximum(t.z0, t.z_mid))
+    return replace(t, z_lo=-above(-ends[0], t.real), z_hi=above(ends[1], t.real))
+
+
+def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float | None,
+           most: int | None = None) -> tuple[PolytopicTables, dict]:
+    """Tables with thresholds and their proof, checked.
+
+    Parameters
+    ----------
+    plant : Plant
+    problem : DescriptorProblem
+    t : PolytopicTables
+        Of `tables_of`.
+    T1 : ndarray (n, n) or (h, n, n)
+    period : float or None
+        Of a continuous plant.
+    most : int, optional
+        Rows of the set.
+
+    Returns
+    -------
+    tables : PolytopicTables
+    cert : dict
+        For ``certify.polytope_thresholds.check``.
+
+    Raises
+    ------
+    DesignError
+        No set is kept, or no bound is to be had.
+    CertificateError
+        The exact check refuses the thresholds.
+    """
+    moving = [s.name for s in plant.u if s.rate] if plant.kind == "continuous" else []
+    if moving:
+        raise DesignError(f"{plant.name}: the input {moving[0]} moves between samples (found), expected inputs that are "
+                          "held: what it does there has no bound here. Remove its rate.")
+    every = polytope_thresholds.every_pair(problem)
+    n, size = len(problem.E), np.ones(len(problem.E))
+    first, rows = np.reshape(T1, (-1, n, n))[0] @ problem.E, None
+    for _ in range(2):  # the limits of z tell the rounding, which tells the set, which tells the limits
+        t = limited(plant, t, first, 0 * size if rows is None else BEYOND * size)
+        model, T1E = polytope_bounds.model(plant, every, t, T1, period)
+        chooser = Chooser(model, polytope_thresholds.graph_of(model), 0)
+        low = chooser.reached(np.concatenate(chooser.O))
+        rows = chooser.grown(most or ROWS, low) if rows is None else rows
+        kept = chooser.kept(rows)
+        if kept is None:
+            raise DesignError(f"{plant.name}: no set of the error is kept for all weights (found none), so there is no "
+                              "threshold. Ask for a faster decay or other gains, or raise observer.set_rows.")
+        size = kept[2][0, :n]
+    t, cert = _laid_out(plant, t, chooser, *kept, polytope_thresholds.starts(plant, t, T1E))
+    cert["reached"] = low.reshape(-1, len(t.M)).max(axis=0).tolist()
+    polytope_thresholds.check(plant, problem, t, cert, T1, period)
+    return t, cert
+
+
+def _laid_out(plant: Plant, t: PolytopicTables, chooser: Chooser, cert: dict, found, b: Array, starts):
+    """The table of thresholds of a set."""
+    graph, rows = chooser.graph, np.abs(rational(cert["rows"]))
+    initial, anywhere = (filter_bounds.raised(rows @ half)[None] for half in starts)
+    settled = found.estimate(graph, b)
+    with_box = chooser.settled(found, np.maximum(b, initial))
+    begins = with_box is not None and bool(np.all(found.estimate(graph, with_box) <= RAISED * settled))
+    b = chooser.settled(found, (with_box if begins else b) * ABOVE)
+    if b is None:
+        raise DesignError(f"{plant.name}: the set of the error is not kept. Raise observer.set_rows.")
+    try:
+        first = filter_bounds.table(found, graph, b, anywhere, MOST)
+    except CertificateError:
+        raise DesignError(f"{plant.name}: the thresholds take more than {MOST} samples to come down from the declared "
+                          "range of x (found), expected fewer. Ask for a faster decay, or narrow that range.") from None
+    first, final = [row.max(axis=0) for row in first], found.estimate(graph, b).max(axis=0)
+    shift = 0
+    while len(first) > LENGTH << shift:
+        shift += 1
+    h = above(np.array([*grouped(first, final, 1 << shift), final]), t.real)
+    return replace(t, h=h, start=len(h) - 1 if begins else 0, shift=shift), cert | {"bounds": b.tolist()}
