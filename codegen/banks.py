@@ -9,9 +9,9 @@ import numpy as np
 
 from .analysis.calibration import Calibration, Population, calibrate, fault_free_runs, runs_needed
 from .analysis.validate import side_by_side
+from .bank_claims import check
 from .certify import bank as settling
-from .certify.exact import Q, rational, up
-from .certify.polytope_detection import check as check_detector
+from .certify.exact import rational
 from .descriptors import problem_and_scaling
 from .designs import Design
 from .detectors import CertifiedDetector, faults_of, sampled_detector
@@ -20,13 +20,12 @@ from .observers import FAMILIES, Supervision
 from .observers.bank import BankTables, Member
 from .plant.model import Plant
 from .plant.weight_program import weight_program
-from .synthesis.bank import CONFIDENCE, GAIN, MARGIN, PROBABILITY, inapplicable, member
-from .synthesis.descriptor_gains import StandardGains
+from .synthesis.bank import AVERAGE, CONFIDENCE, FASTER, GAIN, KEEP, MARGIN, PROBABILITY, inapplicable, member
 from .synthesis.descriptor_lmi import Bounds
 
 Array = np.ndarray
-#: Samples of a fault-free run that are judged, and of the run from which the settling time is estimated.
-JUDGED = 400
+#: Samples of a fault-free run that are judged.
+JUDGED = 600
 
 
 @dataclass(frozen=True)
@@ -38,8 +37,8 @@ class Draft:
     tables : BankTables
         Its bounds are infinite, its settling time zero.
     detectors : list of CertifiedDetector
-    reach : list of float
-        g E0 of each member: see ``certify.bank``.
+    reach, close : list of float
+        g E0 of each member, from the declared range and from the initial box: see ``certify.bank``.
     starts : list of dict
         For ``certify.bank``.
     """
@@ -47,6 +46,7 @@ class Draft:
     tables: BankTables
     detectors: list[CertifiedDetector]
     reach: list[float]
+    close: list[float]
     starts: list[dict]
 
 
@@ -69,7 +69,7 @@ def drafted(plant: Plant, options: dict, real: str, progress: Callable[[str], No
     """
     problem, s = problem_and_scaling(plant)
     faults, period = faults_of(plant), plant.sample_period
-    bounds = Bounds(float(options.get("gain", GAIN)), float(options.get("decay", problem.slowest())))
+    bounds = Bounds(float(options.get("gain", GAIN)), float(options.get("decay", FASTER * problem.slowest())))
     weights, x0 = weight_program(plant.polytope, real), (plant.x0_lo + plant.x0_hi) / 2
     members, detectors = [], []
     for k, fault in enumerate(plant.f):
@@ -84,18 +84,19 @@ def drafted(plant: Plant, options: dict, real: str, progress: Callable[[str], No
         detectors.append(found)
     ranges = {f"{v}_{end}": near(np.clip(limit, -np.finfo(real).max, np.finfo(real).max), real)
               for v in ("x", "u", "y") for end, limit in zip(("lo", "hi"), plant.limits(v))}
-    rate = float(near(np.array(min(1.0, period / float(options.get("average", 25 * period)))), real))
-    keep = max(1, round(float(options.get("keep", 100 * period)) / period))
-    t = BankTables(real, tuple(members), np.full(len(members), np.inf, real), rate, 0, keep, weights,
+    rate = float(near(np.array(min(1.0, period / float(options.get("average", AVERAGE * period)))), real))
+    keep = max(1, round(float(options.get("keep", KEEP * period)) / period))
+    t = BankTables(real, tuple(members), np.full(len(members), np.inf, real), rate, 0, 0, keep, weights,
                    x0_lo=near(plant.x0_lo, real), x0_hi=near(plant.x0_hi, real), **ranges)
-    starts = [gain_of(member(plant, problem, faults, s, k)[1], d, k) for k, d in enumerate(detectors)]
-    reach = []
-    for k, (d, start) in enumerate(zip(detectors, starts)):
+    starts, reach, close = [], [], []
+    for k, d in enumerate(detectors):
         own = member(plant, problem, faults, s, k)[1]
-        begun = settling.start_square(own, d.gains, rational(np.array(d.proof["level"]["P1"])),
-                                      members[k].z0.astype(float), t.x_lo.astype(float), t.x_hi.astype(float))
-        reach.append(float(np.sqrt(start["gain2"] * float(begun))) * (1 + 1e-9))
-    return Draft(t, detectors, reach, starts)
+        starts.append(gain_of(own, d, k))
+        for box, found in ((("x_lo", "x_hi"), reach), (("x0_lo", "x0_hi"), close)):
+            begun = settling.start_square(own, d.gains, rational(np.array(d.proof["level"]["P1"])),
+                                          members[k].z0.astype(float), *(getattr(t, v).astype(float) for v in box))
+            found.append(float(np.sqrt(starts[k]["gain2"] * float(begun))) * (1 + 1e-9))
+    return Draft(t, detectors, reach, close, starts)
 
 
 def near(values: Array, real: str) -> Array:
@@ -162,15 +163,16 @@ def calibrated(plant: Plant, draft: Draft, options: dict, truths: list | None) -
     wait = max(settling.samples_needed(t.rate, d.proof["level"]["contraction"], reach, float(top))
                for d, reach, top in zip(draft.detectors, draft.reach, pilot))
     probability = float(options.get("probability", PROBABILITY))
-    runs = runs_needed(probability, float(options.get("confidence", CONFIDENCE)))
-    population = Population(wait + JUDGED)
-    if truths is None or len(truths[0].y) < wait + JUDGED:
+    runs = runs_needed(probability, float(options.get("confidence", CONFIDENCE)), len(t.members))
+    at_once = all(c <= float(settling.SHARE) * np.sqrt(top) for c, top in zip(draft.close, pilot))
+    begin = 0 if at_once else wait
+    population = Population(begin + JUDGED)
+    if truths is None or len(truths[0].y) < begin + JUDGED:
         truths = fault_free_runs(plant, population, runs, seed)
-    # One statistic for all members, so that one order statistic is enough: the largest in units of another run's.
-    found = calibrate((levels(t, truths)[:, wait:] / pilot).max(axis=(1, 2)), probability, len(truths[0].y))
-    found = replace(found, thresholds=found.thresholds * pilot, seed=seed, conditions=population.words(plant))
+    found = calibrate(levels(t, truths)[:, begin:].max(axis=1), probability, len(truths[0].y))
+    found = replace(found, seed=seed, conditions=population.words(plant))
     bound = near(float(options.get("margin", MARGIN)) ** 2 * found.thresholds, t.real)
-    return replace(t, bound=bound, settle=wait), found, truths
+    return replace(t, bound=bound, settle=wait, begin=begin), found, truths
 
 
 def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], None]) -> Design:
@@ -219,107 +221,3 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
     return Design(plant, name, FAMILIES["bank"](tables, supervision), certs,
                   {real: check(plant, tables[real], certs[real]) for real in tables}, {real: faults for real in tables},
                   choice, options)
-
-
-def check(plant: Plant, t: BankTables, cert: dict) -> list[str]:
-    """Re-check a certificate in exact arithmetic; return what is proved, one sentence per claim.
-
-    Parameters
-    ----------
-    plant : Plant
-    t : BankTables
-    cert : dict
-
-    Raises
-    ------
-    CertificateError
-        Naming the member.
-    """
-    problem, s = problem_and_scaling(plant)
-    faults, claims = faults_of(plant), []
-    if len(t.members) != plant.n_f or len(cert["members"]) != plant.n_f:
-        raise CertificateError(f"certificate: {len(t.members)} members (found), expected {plant.n_f}, one per fault.")
-    if not np.all(np.isfinite(t.bound)) or cert["calibration"]["runs"] < 1:
-        raise CertificateError("certificate: the thresholds rest on no campaign.")
-    for k, (own, stored, fault) in enumerate(zip(t.members, cert["members"], plant.f)):
-        seen, task, others, _ = member(plant, problem, faults, s, k)
-        if own.seen.tolist() != seen.tolist():
-            raise CertificateError(f'certificate: the observer of "{fault.name}" reads outputs {own.seen.tolist()} '
-                                   f"(found), expected {seen.tolist()}: those that this fault leaves alone.")
-        gains = StandardGains(*(getattr(own, key).astype(float) for key in ("T2", "F", "G", "K", "C")))
-        proof, M = stored["proof"], own.M.astype(float)
-        if proof.get("period") != plant.sample_period or Q(proof["level"]["gamma"]) > Q(stored["gamma"]) or Q(
-                proof["fault"]["beta"]) < Q(stored["beta"]):
-            raise CertificateError(f'certificate: period or levels of the observer of "{fault.name}" are not those '
-                                   "that are proved.")
-        try:
-            check_detector(task, others, gains, M, proof)
-            if stored["start"]["member"] != k:
-                raise CertificateError("certificate: the start is another member's.")
-            settling.check(task, gains, M, proof, stored["start"], t)
-        except CertificateError as error:
-            raise CertificateError(f'{error} (observer without the sensors of "{fault.name}")') from None
-        claims.append(member_words(plant, t, cert, k))
-    return [*claims, *words(plant, t, cert)]
-
-
-def member_words(plant: Plant, t: BankTables, cert: dict, k: int) -> str:
-    """What is proved of one member.
-
-    Parameters
-    ----------
-    plant : Plant
-    t : BankTables
-    cert : dict
-    k : int
-    """
-    own = cert["members"][k]
-    read = ", ".join(plant.y[i].name for i in t.members[k].seen)
-    return (f"observer of {plant.f[k].name}: reads {read} alone, so that {plant.f[k].name} cannot move it; the energy of "
-            f"its weighted residual stays below {own['gamma']:.5g}^2 times that of inputs and disturbances in units of "
-            f"their bounds (from rest, no fault); constant other faults f, in units of their ranges, settle to a "
-            f"residual of at least {own['beta']:.5g} |f| while the weights stand still; its error shrinks by "
-            f"{own['proof']['level']['contraction']:.6g} per sample; the plant by Euler steps of "
-            f"{plant.sample_period:g} s")
-
-
-def words(plant: Plant, t: BankTables, cert: dict) -> list[str]:
-    """What is said of the bank: proved of its logic, and calibrated.
-
-    Parameters
-    ----------
-    plant : Plant
-    t : BankTables
-    cert : dict
-    """
-    c = cert["calibration"]
-    sizes = ", ".join(f"{plant.f[k].name} {size:.3g} {plant.f[k].unit}".rstrip()
-                      for k, size in enumerate(isolable(plant, t, cert)))
-    return ["while no fault but one acts, and its own observer raises no alarm, no other fault is named",
-            f"{t.settle} samples after a start, from anywhere in the range of x, what is left of it in any averaged "
-            f"residual is at most {float(settling.SHARE):g} of the threshold",
-            f"constant faults of at least this size are named once settled, while the weights stand still and "
-            f"disturbances add no more than a threshold: {sizes}",
-            f"CALIBRATED, not proved: thresholds above the largest level of {c['runs']} fault-free runs, seed "
-            f"{c['seed']} ({'; '.join(c['conditions'])}): a further run of this kind raises an alarm with probability "
-            f"{c['probability']:g} at most, confidence {c['confidence']:.4g}"]
-
-
-def isolable(plant: Plant, t: BankTables, cert: dict) -> list[float]:
-    """Smallest constant fault of each channel that every other member hears above twice its threshold.
-
-    Parameters
-    ----------
-    plant : Plant
-    t : BankTables
-    cert : dict
-
-    Returns
-    -------
-    sizes : list of float
-        In the units of the faults.
-    """
-    size = np.maximum(*np.abs(plant.limits("f")))
-    size = np.where(np.isfinite(size) & (size > 0), size, 1.0)
-    heard = [2 * np.sqrt(float(b)) / m["beta"] for b, m in zip(t.bound, cert["members"])]
-    return [up(Q(max(h for p, h in enumerate(heard) if p != k) * size[k])) for k in range(plant.n_f)]

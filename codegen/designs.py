@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from . import __version__, filter_designs, polytopic_designs
+from . import __version__, bank_claims, filter_designs, polytopic_designs
 from .analysis.detectability import surely_detected
 from .certify import mode_certificate, set_claims
 from .certify.claims import check, check_monitor, check_ranges, digest
 from .certify.freeze import limits
 from .errors import CertificateError, PlantError, ResiduaError
-from .observers import FAMILIES, FilterTables, ModeTables, PointTables, PolytopicTables, Runner, Supervision
+from .observers import FAMILIES, BankTables, FilterTables, ModeTables, PointTables, PolytopicTables, Runner, Supervision
 from .plant.load import loads
 from .plant.model import Plant
 
@@ -184,6 +184,8 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
         return filter_designs.check(plant, t, cert)
     if isinstance(t, PolytopicTables):
         return polytopic_designs.check(plant, t, cert)
+    if isinstance(t, BankTables):
+        return bank_claims.check(plant, t, cert)
     claims = (set_claims.check if isinstance(t, PointTables) else check)(plant.observed.modes, t, cert)
     if plant.kind == "continuous":
         claims.append(f"between samples, {plant.sample_period:g} s apart, disturbances and parameters may move as they "

@@ -13,7 +13,8 @@ import numpy as np
 
 from .certify import polytope_thresholds
 from .certify.polytope_gain import check as check_energy
-from .descriptors import DESIGNS, SPARE, certified as certified_energy, euler_limit, problem_and_scaling
+from .descriptors import DESIGNS, SPARE, euler_limit, problem_and_scaling
+from .descriptors import certified as certified_energy
 from .detectors import faults_of
 from .errors import CertificateError, DesignError
 from .observers import PolytopicTables
@@ -151,7 +152,7 @@ def constants(proposal: Proposal, real: str) -> tuple[StandardGains, Array, Arra
     weight = getattr(found, "M", None)
     M = np.eye(len(problem.C)) if weight is None else rounded(weight / s.outputs, real)
     T1 = s.factor1(found.T1)
-    return gains, M, T1[0] if T1.ndim == 3 and np.all(T1 == T1[0]) else T1
+    return gains, M, T1[0] if T1.ndim == 3 and np.all(T1[0] == T1) else T1
 
 
 def certified(plant: Plant, proposal: Proposal, options: dict, real: str) -> tuple[PolytopicTables, dict]:

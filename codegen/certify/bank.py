@@ -1,13 +1,14 @@
 r"""When a bank may judge: how long the start of its members can still be seen in their levels, checked exactly.
 
-A member starts at z0 and the plant anywhere in its declared range: eb = T1 E x - z is at most E0 in the norm of P1 then,
-and what is left of it shrinks by the certified contraction c per sample, whatever the weights do and whatever drives the
-rest. With |M C eb| <= g |eb| the moving average of it, by `rate`, is after N samples at most
+A member starts at z0 and the plant anywhere in its declared range: eb = T1 E x - z is at most E0 in the norm of P1
+then, and what is left of it shrinks by the certified contraction c per sample, whatever the weights do and whatever
+drives the rest. With |M C eb| <= g |eb| the moving average of it, by `rate`, is after N samples at most
 
     g E0 rate sum_k (1 - rate)^(N-1-k) c^k   <=   g E0 rate N max(c, 1 - rate)^(N-1),
 
 and with c > 1 - rate at most g E0 rate c^N / (c - 1 + rate). At the settling time this is at most `SHARE` of the
-threshold: of what a campaign has seen, starts are no part that matters.
+threshold: of what a campaign has seen, starts are no part that matters. From the initial box E0 may be so small that
+g E0 is no more than that share at once.
 """
 
 from __future__ import annotations
@@ -141,6 +142,10 @@ def check(problem, gains, M: Array, proof: dict, start: dict, t) -> None:
     own = t.members[p]
     begun = start_square(problem, gains, P1, own.z0.astype(float), t.x_lo.astype(float), t.x_hi.astype(float))
     left = left_square(t.rate, proof["level"]["contraction"], t.settle, Q(start["gain2"]), begun)
+    near = start_square(problem, gains, P1, own.z0.astype(float), t.x0_lo.astype(float), t.x0_hi.astype(float))
+    if t.begin < t.settle and Q(start["gain2"]) * near > SHARE * SHARE * Q(float(t.bound[p])):
+        raise CertificateError(f"certificate: the initial box may still be seen in the average of member {p} when it "
+                               f"is judged after {t.begin} samples (found), expected to wait for {t.settle}.")
     if left > SHARE * SHARE * Q(float(t.bound[p])):
         raise CertificateError(f"certificate: after {t.settle} samples the start of member {p} may still be "
                                f"{float(left) ** 0.5:.3g} in its average (found), expected at most "

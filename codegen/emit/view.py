@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import EmitError
-from ..observers import FilterTables, ModeTables, PointTables, PolytopicTables
-from . import families, filter_parts, framer_parts, manual, mode_parts, point_parts, polytopic_parts
+from ..observers import BankTables, FilterTables, ModeTables, PointTables, PolytopicTables
+from . import bank_parts, families, filter_parts, framer_parts, manual, mode_parts, point_parts, polytopic_parts
 from .cprint import C_TYPE, check_prefix, comment, initialiser, literal, macro_names
 from .layouts import LAYOUTS
 from .manual import Bit, Channel, Manual
@@ -201,6 +201,8 @@ def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
         faults = manual.channels(design.plant.f, *(side.astype(t.dtype) for side in design.plant.limits("f")), t.real,
                                  "f_hat")
         return filter_parts.parts(t, s, names, signals, layout, faults)
+    if isinstance(t, BankTables):
+        return bank_parts.parts(t, s, names, signals, tuple(f.name for f in design.plant.f))
     if isinstance(t, PolytopicTables):
         return polytopic_parts.parts(t, s, names, signals)
     make = (mode_parts.parts if isinstance(t, ModeTables) else

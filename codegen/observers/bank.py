@@ -1,4 +1,4 @@
-r"""Run-time family "bank": one polytopic observer per fault, each without the sensors of its fault, and who is to blame.
+r"""Run-time family "bank": one polytopic observer per fault, each without the sensors of its fault; who is to blame.
 
 Member p has outputs of its own choice, y_p, and answers at every measured sample::
 
@@ -7,16 +7,19 @@ Member p has outputs of its own choice, y_p, and answers at every measured sampl
     3  level = a' a                              over ``bound``: something is wrong that member p sees
 
 A fault of the sensors that member p does not read leaves it alone, exactly, and moves the others. So fault p is
-isolated where all members but p are raised. A member counts as raised for ``keep`` samples after its last alarm: a fault
-that changes its sign would else drop out at every zero. Any other pattern is ambiguous, and names nobody.
+isolated where all members but p are raised. A member counts as raised for ``keep`` samples after its last alarm: a
+fault that changes its sign would else drop out at every zero. Any other pattern is ambiguous, and names nobody.
 
-The members start at z0 when the plant may be anywhere in its range; for ``settle`` samples they say nothing.
+The members start at z0 when the plant may be anywhere in its range; for ``settle`` samples they say nothing. At
+``<p>_init`` the plant is in its initial box, and ``begin`` samples are enough.
 """
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, fields
 from functools import cached_property
+from random import Random
 
 import numpy as np
 
@@ -61,6 +64,11 @@ class Member:
     z0: Array
     weights: Program
 
+    @property
+    def real(self) -> str:
+        """The type of its numbers."""
+        return self.T2.dtype.name
+
     @cached_property
     def gains(self) -> Array:
         """F, G and -K side by side (h, n, n + m + p): factors of (x_hat, u, r)."""
@@ -89,8 +97,8 @@ class BankTables:
         Largest level that is no alarm.
     rate : float
         Of the moving averages, in (0, 1].
-    settle : int
-        Samples after a start that are not judged.
+    settle, begin : int
+        Samples after a start from anywhere, and after one from the initial box, that are not judged.
     keep : int
         Samples for which a member stays raised after an alarm, at least 1.
     weights : Program
@@ -106,6 +114,7 @@ class BankTables:
     bound: Array
     rate: float
     settle: int
+    begin: int
     keep: int
     weights: Program
     x_lo: Array
@@ -171,7 +180,7 @@ class BankTables:
         lengths = {"x": n, "x0": n, "u": m, "y": n_y}
         ranges = {f"{v}_{end}": array(data[f"{v}_{end}"], (k,)) for v, k in lengths.items() for end in ("lo", "hi")}
         return cls(data["real"], tuple(members), array(data["bound"], (len(members),)), float(data["rate"]),
-                   int(data["settle"]), int(data["keep"]), weights, **ranges)
+                   int(data["settle"]), int(data["begin"]), int(data["keep"]), weights, **ranges)
 
 
 @dataclass(frozen=True)
@@ -184,25 +193,28 @@ class BankTrace(Rows):
         Level of each member: square of the norm of its averaged, weighted residual; NaN without a measurement.
     r_bound : ndarray (K, P)
         Largest level that is no alarm.
-    isolated : ndarray (K,) int64
-        The fault channel that is to blame, -1 where none is.
-    ready, inside : ndarray (K,) bool
-        Whether the levels are judged at this sample; whether the estimates are where the weights are in force.
     alarm, alarm_bits, latched_bits, raw_bits, assured, status
-        As in ``Trace``; bit p is member p, ``latched_bits`` are as kept.
+        As in ``Trace``; bit p is member p.
+    isolated : ndarray (K,) int32
+        The fault channel that is to blame, -1 where none is.
+    ready, inside : ndarray (K,) uint32
+        1 where the levels are judged; 1 where all estimates are where the weights are in force.
+    raised : ndarray (K,) uint32
+        Bits of the members that are raised.
     """
 
     r: Array
     r_bound: Array
-    isolated: Array
-    ready: Array
-    inside: Array
     alarm: Array
     alarm_bits: Array
     latched_bits: Array
     raw_bits: Array
     assured: Array
     status: Array
+    isolated: Array
+    ready: Array
+    inside: Array
+    raised: Array
 
     @classmethod
     def empty(cls, shape: tuple[int, ...], members: int, n_y: int, dtype) -> BankTrace:
@@ -210,8 +222,17 @@ class BankTrace(Rows):
         del n_y
         real = [np.full((*shape, members), np.nan, dtype=dtype) for _ in range(2)]
         bits = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
-        return cls(*real, np.full(shape, NOBODY, dtype=np.int64), np.zeros(shape, bool), np.zeros(shape, bool),
-                   np.zeros(shape, bool), *bits, np.zeros(shape, bool), np.zeros(shape, dtype=np.int64))
+        words = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
+        return cls(*real, np.zeros(shape, bool), *bits, np.zeros(shape, bool), np.zeros(shape, dtype=np.int64),
+                   np.full(shape, NOBODY, dtype=np.int32), *words)
+
+    def words(self) -> list[Array]:
+        """The fields that other families do not have, in their order, as the C's words."""
+        return [self.isolated.view(np.uint32), self.ready, self.inside, self.raised]
+
+    def word_names(self) -> list[str]:
+        """The names of these fields."""
+        return ["isolated", "ready", "inside", "raised"]
 
 
 class BankObserver(Runner):
@@ -232,7 +253,7 @@ class BankObserver(Runner):
     @classmethod
     def answers(cls, shape: tuple[int, ...], record: dict, dtype) -> BankTrace:
         """Allocate the answers of compiled C, whose ``resources.json`` is ``record``."""
-        return BankTrace.empty(shape, next(n for name, _, n in record["out"] if name == "level"), 0, dtype)
+        return BankTrace.empty(shape, next(n for name, _, n in record["out"] if name == "r"), 0, dtype)
 
     @classmethod
     def initial(cls, x0_lo, x0_hi, shape: tuple[int, int], record: dict, dtype) -> list[Array | None]:
@@ -251,19 +272,24 @@ class BankObserver(Runner):
         refuse(x0_lo, x0_hi)
         self.raised = np.zeros((runs, len(t.members)), dtype=np.int64)
         self.guard = SupervisorState(runs, len(t.members), 1)
-        self._anew(t, runs)
+        self._anew(t, runs, t.begin)
 
-    def _anew(self, t: BankTables, runs: int) -> None:
+    def run_many(self, u, y, q=None, real="float32", x0_lo=None, x0_hi=None, theta=None) -> BankTrace:
+        """As ``Runner.run_many``; q is not read."""
+        return super().run_many(u, y, np.zeros(np.shape(y)[:2], dtype=np.int64), real, x0_lo, x0_hi, theta)
+
+    def _anew(self, t: BankTables, runs: int, wait: int) -> None:
         """The recursions from z0; alarms are not touched."""
         self.z = [np.tile(m.z0.astype(t.dtype), (runs, 1)) for m in t.members]
         self.a = [np.zeros((runs, len(m.M)), dtype=t.dtype) for m in t.members]
-        self.wait = np.full(runs, t.settle)
+        self.wait = np.full(runs, wait)
 
     def sample(self, t: BankTables, on: Array, measured: Array, u: Array, y: Array, q: Array, theta: Array,
                out: BankTrace) -> None:
         """One sample of the runs in ``on``: ``<p>_step`` where ``measured``, else ``<p>_predict``."""
         seen = on & measured
         level, inside = np.zeros((len(q), len(t.members)), t.dtype), np.ones(len(q), dtype=bool)
+        self.z, self.a = list(self.z), list(self.a)
         for p, m in enumerate(t.members):
             _, r, within, after = step(m, self.z[p], u, y[:, m.seen], theta, seen)
             a = averaged(m, self.a[p], r, t.dtype.type(t.rate))
@@ -280,10 +306,11 @@ class BankObserver(Runner):
         lost = on & ~measured
         if lost.any():
             kept = self.z, self.a, self.wait
-            self._anew(t, len(q))
+            self._anew(t, len(q), t.settle)
             self._merge(lost, *kept)
         out.r[seen], out.r_bound[seen] = level[seen], t.bound
         out.isolated[on], out.ready[seen], out.inside[seen] = isolated[on], ready[seen], inside[seen]
+        out.raised[on] = pack(self.raised > 0)[on]
         out.raw_bits[seen], out.alarm_bits[seen] = pack(raw)[seen], pack(alarm)[seen]
         out.latched_bits[on] = pack(self.guard.latched)[on]
         out.alarm[seen] = alarm[seen].any(axis=1)
@@ -295,10 +322,24 @@ class BankObserver(Runner):
                 now[p] = np.where(new[:, None], now[p], values)
         self.wait = np.where(new, self.wait, wait)
 
+    def quiet_output(self, t: BankTables, u: Array, q: int) -> Array:
+        """A measurement that raises nobody, where one is found; for the golden vectors."""
+        draw = Random(int(self.wait[0]))
+        for k in range(30):
+            y = np.array([0.5**k * (a + (b - a) * draw.random()) for a, b in zip(t.y_lo.astype(float), t.y_hi.astype(
+                float))]).astype(t.dtype)
+            trial = copy(self)
+            trial.guard, out = copy(self.guard), self.empty(t, (1,))
+            trial.sample(t, np.array([True]), np.array([True]), u[None], y[None], np.array([q]), np.zeros((1, 0)), out)
+            if out.raw_bits[0] == 0:
+                break
+        return np.clip(y, t.y_lo, t.y_hi)
+
     def reset(self, t: BankTables, on: Array) -> None:
         """Restart the runs in ``on``, alarms cleared (``<p>_reset``)."""
         kept, raised, guard = (self.z, self.a, self.wait), self.raised, self.guard
         self.start(t, len(on))
+        self._anew(t, len(on), t.settle)
         self._merge(on, *kept)
         self.raised = np.where(on[:, None], self.raised, raised)
         for name, value in vars(guard).items():
@@ -339,7 +380,7 @@ def blamed(t: BankTables, raised: Array) -> Array:
     t : BankTables
     raised : ndarray (S, P) bool
     """
-    out = np.full(len(raised), NOBODY, dtype=np.int64)
+    out = np.full(len(raised), NOBODY, dtype=np.int32)
     for channel, pattern in enumerate(t.incidence):
         out = np.where((raised == pattern).all(axis=1), channel, out)
     return out

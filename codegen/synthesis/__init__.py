@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from types import ModuleType
 
 from . import (
+    bank,
     component_interval,
     descriptor_discrete,
     descriptor_error,
@@ -56,7 +57,7 @@ class Method:
     @property
     def sets(self) -> bool:
         """Whether it is an estimate with an error set, which the options ``SETS`` choose."""
-        return not (self.framers or self.estimates_mode or self.family in ("filter", "polytopic"))
+        return not (self.framers or self.estimates_mode or self.family in ("filter", "polytopic", "bank"))
 
     @property
     def estimates_mode(self) -> bool:
@@ -107,6 +108,9 @@ METHODS = {
     "hminus-hinf": Method(("continuous polytopic descriptor",), "polytopic",
                           "detection observer with weights at its estimate, H- and H-infinity",
                           "Lopez-Estrada (2014), Theorem 4.3.3", hminus_hinf, automatic=False),
+    "bank": Method(("continuous polytopic descriptor",), "bank",
+                   "one detection observer per sensor fault: tells which",
+                   "Lopez-Estrada (2014), sections 3.6 and 4.3", bank, automatic=False),
     "mode-set": Method(("continuous switched, mode unknown",), "mode", "the modes that are still possible",
                        "own; task of Zammali (2020), chapter 4", mode_set, automatic=False),
 }

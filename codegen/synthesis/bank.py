@@ -26,13 +26,15 @@ from .hminus_hinf import Faults
 
 Array = np.ndarray
 
-#: Options of ``[observer]``: decay of the errors (1/s) and size of the gains, time constant of the averages and how long
-#: an alarm holds (s), factor on the largest fault-free level, probability that a run of the campaign's kind exceeds it,
-#: the confidence in that, seed of the campaign.
-OPTIONS = {"decay": (1e-9, 1e9), "gain": (1e-6, 1e9), "average": (1e-9, 1e6), "keep": (0.0, 1e6), "margin": (1.0, 100.0),
-           "probability": (1e-3, 0.5), "confidence": (0.5, 0.999), "seed": (0, 2**31)}
+#: Options of ``[observer]``: decay of the errors (1/s) and size of the gains, time constant of the averages and how
+#: long an alarm holds (s), factor on the largest fault-free residual, probability that a run of the campaign's kind
+#: exceeds it, the confidence in that, seed of the campaign.
+OPTIONS = {"decay": (1e-9, 1e9), "gain": (1e-6, 1e9), "average": (1e-9, 1e6), "keep": (0.0, 1e6),
+           "margin": (1.0, 100.0), "probability": (1e-3, 0.5), "confidence": (0.5, 0.999), "seed": (0, 2**31)}
 #: Where the plant file says nothing.
 GAIN, MARGIN, PROBABILITY, CONFIDENCE = 100.0, 1.25, 0.05, 0.95
+#: Then the errors decay so many times faster than the slowest mode; samples that averages take and alarms hold.
+FASTER, AVERAGE, KEEP = 1.5, 25, 100
 
 
 def inapplicable(plant) -> str | None:
@@ -104,4 +106,5 @@ def member(plant, problem: DescriptorProblem, faults: Faults, s: Scaling,
     seen = np.array([i for i in range(plant.n_y) if i not in sensors(plant, fault)])
     other = [k for k in range(plant.n_f) if k != fault]
     left = replace(problem, C=problem.C[seen], Dd=problem.Dd[seen], H=problem.C[seen], J=problem.Dd[seen])
-    return seen, left, Faults(faults.Bf[:, :, other], faults.Df[np.ix_(seen, other)]), replace(s, outputs=s.outputs[seen])
+    others = Faults(faults.Bf[:, :, other], faults.Df[np.ix_(seen, other)])
+    return seen, left, others, replace(s, outputs=s.outputs[seen])
