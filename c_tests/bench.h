@@ -35,6 +35,9 @@ static const T(real) z_hi[] = CASE_Z_HI;
 static const T(real) x0_lo[] = CASE_X0_LO;
 static const T(real) x0_hi[] = CASE_X0_HI;
 
+/* Whether thresholds come from a table since a start, and nothing starts again while a fault is seen. */
+#define FOLLOWS (CASE_FILTER || CASE_POLYTOPIC)
+
 /* How many numbers are held against a bound, each with a bit: residuals, or estimates of faults. */
 #if CASE_FILTER
 #define CHECKED M(NF)
@@ -47,7 +50,7 @@ static inline T(real) r_least(const T(out) *out, uint32_t i)
 {
 #if CASE_FILTER
     return -out->f_hat[i] - out->f_bound[i];
-#elif CASE_POINT
+#elif CASE_POINT || CASE_POLYTOPIC
     return -out->r[i] - out->r_bound[i];
 #else
     return out->r_lo[i];
@@ -58,7 +61,7 @@ static inline T(real) r_most(const T(out) *out, uint32_t i)
 {
 #if CASE_FILTER
     return -out->f_hat[i] + out->f_bound[i];
-#elif CASE_POINT
+#elif CASE_POINT || CASE_POLYTOPIC
     return -out->r[i] + out->r_bound[i];
 #else
     return out->r_hi[i];

@@ -54,7 +54,7 @@ static void any_inputs(T(in) *in)
     }
 }
 
-#if !CASE_POINT && !CASE_BOXES && !CASE_FILTER
+#if !CASE_POINT && !CASE_BOXES && !FOLLOWS
 static void any_box(T(real) *lo, T(real) *hi, const T(real) *least, const T(real) *most)
 {
     for (uint32_t i = 0U; i < M(NX); i++)
@@ -154,6 +154,16 @@ static void any_framers(T(state) *s)
     {
         /* Small and large, some beyond every limit. */
         s->xi[i] = between(-1, 1) * (T(real))(1U << draw(16U)) / 64;
+    }
+    s->since = draw(M(LAST) + 2U);
+#elif CASE_POLYTOPIC
+    for (uint32_t i = 0U; i < M(NX); i++) /* anywhere, some beyond every limit, some so that the measurement fits */
+    {
+        s->z[i] = between(x_lo[i], x_hi[i]) / (T(real))(1U << draw(12U)) * ((draw(16U) == 0U) ? 1024 : 1);
+    }
+    for (uint32_t i = 0U; i < M(NY); i++)
+    {
+        s->y[i] = between(y_lo[i], y_hi[i]);
     }
     s->since = draw(M(LAST) + 2U);
 #elif CASE_POINT

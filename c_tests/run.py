@@ -51,14 +51,14 @@ def case(record: dict) -> str:
     numbers |= {"state_bytes": record["state_bytes"], "recover": max(supervision["recover"], 1),
                 "debounce_m": supervision["debounce"][0], "debounce_n": supervision["debounce"][1]}
     flags = {"nu": record["n_u"], "ntheta": record["n_theta"], "latch": supervision["latch"],
-             "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members,
+             "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members, "polytopic": record["family"] == "polytopic",
              "boxes": "box_lo" in members, "has_origin": "origin" in members, "has_shape": "shape" in members,
              "square_shape": record["family"].startswith("ellipsoid"), "signed_shape": record["family"] != "box",
              "told": "mode" in {name for name, _, _ in record["in"]},
              "has_z": "z_lo" in members, "has_mode": "mode" in members, "counts_hold": "hold" in members}
     values |= {f"CASE_{name.upper()}": f"{value}U" for name, value in numbers.items()}
     values |= {f"CASE_{name.upper()}": f"{int(value)}" for name, value in flags.items()}
-    counts = [name for name in COUNTS if name in members and "xi" not in members]
+    counts = [name for name in COUNTS if name in members and not flags["filter"] and not flags["polytopic"]]
     if counts:
         values["CASE_COUNTS(s)"] = "{ " + ", ".join(f"&(s)->{name}" for name in counts) + " }"
         tops = COUNTS | {"since": SINCE.get(record["family"], COUNTS["since"])}

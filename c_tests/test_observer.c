@@ -18,6 +18,14 @@ static int measure_quietly(bench *b)
     }
     (void)trial;
     return within;
+#elif CASE_POLYTOPIC /* the measurement of the initial box */
+    T(init)(&trial.s);
+    for (uint32_t i = 0U; i < M(NY); i++)
+    {
+        b->in.y[i] = trial.s.y[i];
+        within &= ((y_lo[i] < b->in.y[i]) && (b->in.y[i] < y_hi[i])) ? 1 : 0;
+    }
+    return within;
 #else
     inputs_in_the_middle(&trial.in);
     *told(&trial.in) = *told(&b->in);
@@ -37,7 +45,7 @@ static int measure_a_fault(bench *b, uint32_t *bit)
     bench trial = *b;
     int found = 0;
 
-#if CASE_FILTER
+#if FOLLOWS
     for (uint32_t n = 0U; (n < (2U * M(NY))) && (found == 0); n++)
     {
         b->in.y[n / 2U] = ((n % 2U) != 0U) ? y_lo[n / 2U] : y_hi[n / 2U];
@@ -112,7 +120,7 @@ static int a_measurement_in_the_middle_is_quiet(void)
     {
         CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));
         CHECK((b.out.raw == 0U) && (b.out.alarm == 0U) && (b.out.latched == 0U) && (b.out.assured == 1U));
-#if !CASE_FILTER
+#if !FOLLOWS
         for (uint32_t i = 0U; i < M(NX); i++)
         {
             CHECK(b.out.x_lo[i] <= b.out.x_hi[i]);
@@ -275,6 +283,15 @@ static int a_bad_sensor_for_ever_stays_bounded(void)
         {
             CHECK((b.out.f_hat[i] - b.out.f_hat[i]) >= 0);
             CHECK(b.out.f_bound[i] > 0);
+        }
+#elif CASE_POLYTOPIC
+        for (uint32_t i = 0U; i < M(NX); i++)
+        {
+            CHECK((b.out.x_hat[i] - b.out.x_hat[i]) >= 0);
+        }
+        for (uint32_t i = 0U; i < M(NY); i++)
+        {
+            CHECK(((b.out.r[i] - b.out.r[i]) >= 0) && (b.out.r_bound[i] > 0));
         }
 #else
         for (uint32_t i = 0U; i < M(NX); i++)

@@ -92,6 +92,8 @@ static int forgets(const T(state) *s)
 #include "ranges_of_boxes.h"
 #elif CASE_FILTER
 #include "filter_ranges.h"
+#elif CASE_POLYTOPIC
+#include "polytopic_ranges.h"
 #elif !CASE_POINT
 static int init_and_reset_boxes(void)
 {
@@ -272,7 +274,7 @@ static int framers_at_the_ends(void)
 }
 #endif
 
-#if !CASE_FILTER
+#if !FOLLOWS
 /* A measurement just on its bound is no fault; one a hair beyond it is. */
 static int edge_of_an_alarm(void)
 {

@@ -149,10 +149,29 @@ def constants(proposal: Proposal, real: str) -> tuple[StandardGains, Array, Arra
         gains = euler_gains(problem, found, s, period, real)
     else:
         gains = standard_gains(problem if period is None else by_steps(problem, period), found, s, real)
+    gains = without_dust(gains, proposal, real)
     weight = getattr(found, "M", None)
     M = np.eye(len(problem.C)) if weight is None else rounded(weight / s.outputs, real)
     T1 = s.factor1(found.T1)
     return gains, M, T1[0] if T1.ndim == 3 and np.all(T1[0] == T1) else T1
+
+
+def without_dust(gains: StandardGains, proposal: Proposal, real: str) -> StandardGains:
+    """Gains without entries that do less, in the units of the design, than the type rounds: they cost operations.
+
+    Parameters
+    ----------
+    gains : StandardGains
+    proposal : Proposal
+    real : {"float32", "float64"}
+    """
+    s, u = proposal.s, proposal.problem.u_unit
+    units = {"T2": s.outputs, "F": s.columns, "G": u, "K": s.outputs}
+    moved = {k: np.abs(getattr(gains, k)) * units[k] / s.columns[:, None] for k in units}
+    most = max(np.max(moved[k], initial=0.0) for k in "FGK")
+    least = {"T2": np.max(moved["T2"], initial=0.0)} | dict.fromkeys("FGK", most)
+    return replace(gains, **{k: np.where(moved[k] < np.finfo(real).eps / 4 * least[k], 0.0, getattr(gains, k))
+                             for k in units})
 
 
 def certified(plant: Plant, proposal: Proposal, options: dict, real: str) -> tuple[PolytopicTables, dict]:
@@ -180,6 +199,7 @@ def certified(plant: Plant, proposal: Proposal, options: dict, real: str) -> tup
     gains, M, T1 = constants(proposal, real)
     start = {"form": "standard", "time": "discrete", "contraction": 1.0, "T1": T1.tolist()}
     start |= {} if proposal.period is None else {"period": proposal.period}
+    start |= {"M": M.tolist()} if proposal.method == "hminus-hinf" else {}
     gamma, proof, _ = certified_energy(proposal.problem, gains, start, proposal.s)
     rows = options.get("set_rows")
     t, held = frozen(plant, proposal.problem, tables_of(plant, gains, M, real), T1, proposal.period,
@@ -207,6 +227,8 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
     if proof.get("period") != expected or proof["gamma"] != cert["level"]:
         raise CertificateError(f"certificate: period {proof.get('period')} and level {cert['level']} (found), expected "
                                f"{expected} and {proof['gamma']}. Design again.")
+    if not np.array_equal(proof.get("M", t.M), t.M):
+        raise CertificateError("certificate: the level is one of another weight of the residual. Design again.")
     claims = check_energy(problem, t, proof)
     polytope_thresholds.check(plant, problem, t, cert["thresholds"], np.array(proof["T1"]), expected)
     return sentences(plant, t, cert, claims)

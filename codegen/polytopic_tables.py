@@ -16,8 +16,9 @@ from .plant.weight_program import weight_program
 from .synthesis.descriptor_gains import StandardGains
 
 Array = np.ndarray
-#: Rows of the set at most, without ``observer.set_rows``; samples in which thresholds may come down.
-ROWS, MOST = 32, 4000
+#: Rows of the set at most, without ``observer.set_rows``: more where so few keep none. Samples in which thresholds may
+#: come down.
+ROWS, MOST = (12, 32, 96), 4000
 #: Limits of z beyond where it can be without a fault, in bounds of the error.
 BEYOND = 1.5
 
@@ -126,9 +127,12 @@ def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float |
         model, T1E = polytope_bounds.model(plant, every, t, T1, period)
         chooser = Chooser(model, polytope_thresholds.graph_of(model), 0)
         low = chooser.reached(np.concatenate(chooser.O))
-        rows = chooser.grown(most or ROWS, low) if rows is None else rows
-        kept = chooser.kept(rows)
-        if kept is None:
+        for count in ROWS if most is None else (most,):
+            rows = chooser.grown(count, low) if rows is None else rows
+            if (kept := chooser.kept(rows)) is not None:
+                break
+            rows = None
+        else:
             raise DesignError(f"{plant.name}: no set of the error is kept for all weights (found none), so there is no "
                               "threshold. Ask for a faster decay or other gains, or raise observer.set_rows.")
         size = kept[2][0, :n]

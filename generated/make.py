@@ -14,7 +14,8 @@ from codegen.plant.load import load
 HERE = Path(__file__).parent
 #: What is kept of an output folder; the rest is derived from it.
 KEEP = ("design.json", ".h", ".c", ".g", "resources.json")
-DESIGNS = (("cart", "tnl-interval"), ("dlpv", "bank"), ("emps", "tnl-interval"), ("farhat", "hinf-filter"), ("press", "tnl-interval"),
+DESIGNS = (("cart", "tnl-interval"), ("disc", "descriptor-uncertain"), ("dlpv", "bank"), ("emps", "tnl-interval"),
+           ("farhat", "hinf-filter"), ("press", "tnl-interval"),
            ("relay", "tnl-interval"), ("vehicle", "hinf-filter"),
            ("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"), ("buck", "tnl-interval-lpv"),
            ("chevet", "tnl-interval-lpv"), ("hoist", "tnl-interval-lpv"), ("lamouchi", "component-interval"),

@@ -20,6 +20,8 @@ Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, Theorems 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from flint import fmpq
 
@@ -38,11 +40,16 @@ def errors_of(problem, gains, proof: dict) -> ErrorModel:
     problem : DescriptorProblem
     gains : StandardGains or DirectGains
     proof : dict
-        "form" ("standard" or "direct"), "T1" of the standard form, "period" of a sampled continuous plant or None.
+        "form" ("standard" or "direct"), "T1" of the standard form, "period" of a sampled continuous plant or None, "M"
+        where z is M r.
     """
     if proof["form"] == "direct":
         return direct_errors(problem, gains)
-    return standard_errors(problem, gains, np.array(proof["T1"]), proof.get("period"))
+    model = standard_errors(problem, gains, np.array(proof["T1"]), proof.get("period"))
+    if "M" not in proof:
+        return model
+    z, n = product(rational(np.array(proof["M"])), model.residual), len(model.E)
+    return replace(model, C=z[:, :2 * n], D=z[:, 2 * n:])
 
 
 def check(problem, gains, proof: dict) -> list[str]:

@@ -150,9 +150,9 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
     _check_choice("real", real, design.observer.tables)
     _check_choice("layout", layout, LAYOUTS)
     t = design.observer.tables[real]
-    names = Names(check_prefix(target.prefix), target.prefix.upper(), real,
-                  tuple(comment(m.name) for m in plant.modes),
-                  tuple(f"{target.prefix.upper()}_MODE_{n}" for n in macro_names(m.name for m in plant.modes)))
+    modes = [m.name for m in plant.modes] or ["the plant"]  # a polytopic plant has none
+    names = Names(check_prefix(target.prefix), target.prefix.upper(), real, tuple(comment(m) for m in modes),
+                  tuple(f"{target.prefix.upper()}_MODE_{n}" for n in macro_names(modes)))
     x = manual.channels(plant.x, t.x_lo, t.x_hi, real, "x")
     u = manual.channels(plant.u, t.u_lo, t.u_hi, real, "u")
     theta = parameters(plant, t, real)
