@@ -35,11 +35,18 @@ static const T(real) z_hi[] = CASE_Z_HI;
 static const T(real) x0_lo[] = CASE_X0_LO;
 static const T(real) x0_hi[] = CASE_X0_HI;
 
-/* Whether thresholds come from a table since a start, and nothing starts again while a fault is seen. */
-#define FOLLOWS (CASE_FILTER || CASE_POLYTOPIC)
+/* Whether nothing starts again while a fault is seen: a filter, an observer, or a bank of them. */
+#define FOLLOWS (CASE_FILTER || CASE_POLYTOPIC || CASE_BANK)
+
+/* Whether there is a guarantee at all: not where thresholds are calibrated. */
+#if CASE_BANK
+#define ASSURES 0U
+#else
+#define ASSURES 1U
+#endif
 
 /* How many numbers are held against a bound, each with a bit: residuals, or estimates of faults. */
-#if CASE_FILTER
+#if CASE_FILTER || CASE_BANK
 #define CHECKED M(NF)
 #else
 #define CHECKED M(NY)
@@ -50,7 +57,7 @@ static inline T(real) r_least(const T(out) *out, uint32_t i)
 {
 #if CASE_FILTER
     return -out->f_hat[i] - out->f_bound[i];
-#elif CASE_POINT || CASE_POLYTOPIC
+#elif CASE_POINT || CASE_POLYTOPIC || CASE_BANK
     return -out->r[i] - out->r_bound[i];
 #else
     return out->r_lo[i];
@@ -61,7 +68,7 @@ static inline T(real) r_most(const T(out) *out, uint32_t i)
 {
 #if CASE_FILTER
     return -out->f_hat[i] + out->f_bound[i];
-#elif CASE_POINT || CASE_POLYTOPIC
+#elif CASE_POINT || CASE_POLYTOPIC || CASE_BANK
     return -out->r[i] + out->r_bound[i];
 #else
     return out->r_hi[i];

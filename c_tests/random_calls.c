@@ -156,6 +156,20 @@ static void any_framers(T(state) *s)
         s->xi[i] = between(-1, 1) * (T(real))(1U << draw(16U)) / 64;
     }
     s->since = draw(M(LAST) + 2U);
+#elif CASE_BANK
+    for (uint32_t i = 0U; i < M(NZ); i++) /* anywhere, some far off */
+    {
+        s->z[i] = between(x_lo[i % M(NX)], x_hi[i % M(NX)]) / (T(real))(1U << draw(12U)) * ((draw(16U) == 0U) ? 1024 : 1);
+    }
+    for (uint32_t i = 0U; i < M(NA); i++)
+    {
+        s->a[i] = between(-1, 1) / (T(real))(1U << draw(8U));
+    }
+    for (uint32_t i = 0U; i < M(NF); i++)
+    {
+        s->left[i] = draw(3U);
+    }
+    s->wait = (draw(4U) == 0U) ? draw(3U) : 0U;
 #elif CASE_POLYTOPIC
     for (uint32_t i = 0U; i < M(NX); i++) /* anywhere, some beyond every limit, some so that the measurement fits */
     {

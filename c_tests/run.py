@@ -51,7 +51,8 @@ def case(record: dict) -> str:
     numbers |= {"state_bytes": record["state_bytes"], "recover": max(supervision["recover"], 1),
                 "debounce_m": supervision["debounce"][0], "debounce_n": supervision["debounce"][1]}
     flags = {"nu": record["n_u"], "ntheta": record["n_theta"], "latch": supervision["latch"],
-             "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members, "polytopic": record["family"] == "polytopic",
+             "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members,
+             "polytopic": record["family"] == "polytopic", "bank": record["family"] == "bank",
              "boxes": "box_lo" in members, "has_origin": "origin" in members, "has_shape": "shape" in members,
              "square_shape": record["family"].startswith("ellipsoid"), "signed_shape": record["family"] != "box",
              "told": "mode" in {name for name, _, _ in record["in"]},
@@ -82,7 +83,7 @@ def failure(command: list, cwd: Path) -> str:
 
 def compile_and_run(sources: list[Path], flags: list[str], cwd: Path, warnings=WARNINGS) -> str:
     """Compile sources to one program and run it; return what is wrong, or nothing."""
-    wrong = failure(["gcc", "-std=c99", "-ffp-contract=off", *warnings, *flags, *sources, "-o", "a.out"], cwd)
+    wrong = failure(["gcc", "-std=c99", "-ffp-contract=off", *warnings, *flags, *sources, "-o", "a.out", "-lm"], cwd)
     return f"compile: {wrong}" if wrong else failure(["./a.out"], cwd)
 
 

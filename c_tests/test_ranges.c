@@ -94,6 +94,8 @@ static int forgets(const T(state) *s)
 #include "filter_ranges.h"
 #elif CASE_POLYTOPIC
 #include "polytopic_ranges.h"
+#elif CASE_BANK
+#include "bank_ranges.h"
 #elif !CASE_POINT
 static int init_and_reset_boxes(void)
 {
@@ -382,5 +384,8 @@ int main(void)
     RUN(framers_at_the_ends);
     RUN(edge_of_an_alarm);
     RUN(spoilt_state);
+#if CASE_BANK
+    RUN(whom_it_blames);
+#endif
     return 0;
 }

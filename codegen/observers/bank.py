@@ -303,7 +303,7 @@ class BankObserver(Runner):
         self.raised = np.where(seen[:, None], raised, self.raised)
         isolated = blamed(t, self.raised > 0)
         self.wait = np.where(seen, np.maximum(self.wait - 1, 0), self.wait)
-        lost = on & ~measured
+        lost = (on & ~measured) | (seen & ~(level >= 0).all(axis=1))  # or spoilt in memory: no number
         if lost.any():
             kept = self.z, self.a, self.wait
             self._anew(t, len(q), t.settle)

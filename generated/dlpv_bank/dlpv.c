@@ -492,6 +492,23 @@ static bool dlpv_without_2(dlpv_state *s, const dlpv_in *in, dlpv_out *out)
 }
 
 /*
+ * Whether the levels are numbers: not where a state has been spoilt in memory.
+ */
+static bool dlpv_sound(const dlpv_out *out)
+{
+    bool sound = true;
+
+    for (uint32_t i = 0U; i < DLPV_NF; i++)
+    {
+        if (!(out->r[i] >= 0.0F))
+        {
+            sound = false;
+        }
+    }
+    return sound;
+}
+
+/*
  * The fault whose pattern is met exactly; -1 where none is.
  */
 static int32_t dlpv_blamed(uint32_t raised)
@@ -595,9 +612,17 @@ dlpv_status dlpv_step(dlpv_state *s, const dlpv_in *in, dlpv_out *out)
         dlpv_blame(s, out);
         out->ready = (s->wait == 0U) ? 1U : 0U;
         out->inside = inside ? 1U : 0U;
-        if (s->wait > 0U)
+        if (!dlpv_sound(out))
+        {
+            dlpv_anew(s);
+        }
+        else if (s->wait > 0U)
         {
             s->wait--;
+        }
+        else
+        {
+            /* judged from now on */
         }
     }
     return status;

@@ -117,7 +117,7 @@ typedef float dlpv_real;
 #define DLPV_NX 3U
 #define DLPV_NU 1U
 #define DLPV_NY 3U
-#define DLPV_MODES 0U
+#define DLPV_MODES 1U
 #define DLPV_BITS 3U
 #define DLPV_NF 3U /* faults, and observers */
 #define DLPV_NH 3U /* vertices */
