@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
-from ..observers import FilterTables, ModeTables, PointTables, PolytopicTables
-from . import filter_words, mode_words, point_words, polytopic_words, words
+from ..observers import BankTables, FilterTables, ModeTables, PointTables, PolytopicTables
+from . import bank_words, filter_words, mode_words, point_words, polytopic_words, words
 from .table import Fact, Folded, Link, Table, table
 
 FILES = {
@@ -97,6 +97,8 @@ def gains(design, real: str) -> tuple[Folded, ...]:
         return mode_words.gains(design, real, _matrix)
     if isinstance(t, FilterTables):
         return filter_words.gains(design, real, _matrix)
+    if isinstance(t, BankTables):
+        return bank_words.gains(design, real, _matrix)
     if isinstance(t, PolytopicTables):
         return polytopic_words.gains(design, real, _matrix)
     if isinstance(t, PointTables):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..analysis.validate import Outcome
 from . import firmware_words, outcome_words, words
-from .design_words import bounds_states, is_filter, is_polytopic
+from .design_words import bounds_states, is_bank, is_filter, is_polytopic
 from .table import Fact
 
 
@@ -75,6 +75,10 @@ def purpose(design) -> str:
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
                 f"reads {outputs}, answers with an estimate of {faults}, and raises an alarm only where the estimate "
                 "cannot be explained without a fault.")
+    if is_bank(design, plant.target.real):
+        faults = words.listed([f.name for f in plant.f])
+        return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
+                f"reads {outputs}, and names the fault that is to blame, if one of {faults} is.")
     states = words.listed(s.name for s in plant.x)
     if is_polytopic(design, plant.target.real):
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
