@@ -19,6 +19,8 @@ from .synthesis.descriptor_problem import DescriptorProblem, Scaling, plain, sca
 from .synthesis.hminus_hinf import Faults
 
 Array = np.ndarray
+#: Share of the decay that Euler steps are asked to keep, in the norm in which the level is proved.
+KEPT = 0.75
 
 
 @dataclass(frozen=True)
@@ -167,7 +169,8 @@ def _certified(problem, faults, gains, M, T1, about, s) -> CertifiedDetector:
         if period is None:
             level = continuous_level(models[0], s, problem.S, False, decay, None, margin)
         else:
-            level = discrete_level(models[0], s, problem.S, 1.0, margin)
+            level = discrete_level(models[0], s, problem.S, 1 - KEPT * decay * period, margin) or discrete_level(
+                models[0], s, problem.S, 1.0, margin)
         fault = sensitivity_level(models[1], M, s, problem.S, margin)
         if level is None or fault is None or fault["level2"] <= 0:
             continue

@@ -14,7 +14,7 @@ from codegen.plant.load import load
 HERE = Path(__file__).parent
 #: What is kept of an output folder; the rest is derived from it.
 KEEP = ("design.json", ".h", ".c", ".g", "resources.json")
-DESIGNS = (("cart", "tnl-interval"), ("disc", "descriptor-uncertain"), ("dlpv", "bank"), ("emps", "tnl-interval"),
+DESIGNS = (("cart", "tnl-interval"), ("disc", "descriptor-uncertain"), ("disc_sensors", "bank"), ("emps", "tnl-interval"),
            ("farhat", "hinf-filter"), ("press", "tnl-interval"),
            ("relay", "tnl-interval"), ("vehicle", "hinf-filter"),
            ("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"), ("buck", "tnl-interval-lpv"),
