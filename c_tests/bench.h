@@ -88,6 +88,17 @@ static inline uint32_t *told(T(in) *in)
 #endif
 }
 
+/* Whether the weights are in force at the estimate; other observers have none. */
+static inline uint32_t in_force(const T(out) *out)
+{
+#if CASE_POLYTOPIC
+    return out->inside;
+#else
+    (void)out;
+    return 1U;
+#endif
+}
+
 /* The alarm bit of an output. */
 static inline uint32_t bit_of(uint32_t i)
 {

@@ -60,6 +60,8 @@ def case(record: dict) -> str:
     values |= {f"CASE_{name.upper()}": f"{value}U" for name, value in numbers.items()}
     values |= {f"CASE_{name.upper()}": f"{int(value)}" for name, value in flags.items()}
     counts = [name for name in COUNTS if name in members and not flags["filter"] and not flags["polytopic"]]
+    if flags["polytopic"] or flags["bank"]:
+        values[f"{record['macro']}_MODES"] = "1U"
     if counts:
         values["CASE_COUNTS(s)"] = "{ " + ", ".join(f"&(s)->{name}" for name in counts) + " }"
         tops = COUNTS | {"since": SINCE.get(record["family"], COUNTS["since"])}

@@ -44,6 +44,10 @@ static void plant(bench *b, uint32_t what)
         b->s.box_hi[i] = (what == 0U) ? whole.box_hi[i] : ((what == 3U) ? (b->s.box_lo[i] + (part / 100)) : far);
     }
 }
+#elif CASE_POLYTOPIC
+#include "polytopic_plant.h"
+#elif CASE_BANK
+#include "bank_plant.h"
 #else
 /*
  * Framers around everything (0), or far off on either side (1, 2), or anything between (3). An estimate whose set is
@@ -61,39 +65,6 @@ static void plant(bench *b, uint32_t what)
     for (uint32_t i = 0U; i < M(NY); i++)
     {
         b->in.y[i] = 0;
-    }
-#elif CASE_BANK /* observers at rest, averages zero, or far off, or anywhere */
-    for (uint32_t i = 0U; i < M(NZ); i++)
-    {
-        b->s.z[i] = 0;
-    }
-    for (uint32_t i = 0U; i < M(NA); i++)
-    {
-        b->s.a[i] = (what == 0U) ? 0 : (((what == 3U) ? (T(real))draw(4000U) : (T(real))(1000000U + i)) / 10000);
-        b->s.a[i] = ((what == 2U) || ((what == 3U) && (draw(2U) == 0U))) ? -b->s.a[i] : b->s.a[i];
-    }
-    b->s.wait = 0U;
-    for (uint32_t i = 0U; i < M(NY); i++)
-    {
-        b->in.y[i] = 0;
-    }
-#elif CASE_POLYTOPIC /* where its own measurement is expected, or far off, or anywhere */
-    T(state) whole;
-
-    T(reset)(&whole);
-    for (uint32_t i = 0U; i < M(NX); i++)
-    {
-        const T(real) far = (x_hi[i] - x_lo[i]) * (T(real))(1000U + (370U * i));
-        const T(real) part = (x_hi[i] - x_lo[i]) * ((T(real))draw(4000U) / 8000);
-
-        b->s.z[i] = whole.z[i];
-        b->s.z[i] += (what == 0U) ? 0 : ((what == 3U) ? part : ((what == 1U) ? far : -far));
-    }
-    b->s.since = (what == 0U) ? M(LAST) : draw(M(LAST) + 1U);
-    for (uint32_t i = 0U; i < M(NY); i++)
-    {
-        b->in.y[i] = whole.y[i];
-        b->s.y[i] = whole.y[i];
     }
 #else
 #if CASE_POINT
@@ -192,18 +163,6 @@ static uint32_t undisturbed(const expected *e)
     const int held = (CASE_COUNTS_HOLD != 0) && (e->hold != 0U);
 
     return (latched || held || (e->too_fast != 0U)) ? 0U : 1U;
-}
-
-/* Whether the weights are in force at the estimate; other observers have none. */
-static uint32_t in_force(const T(out) *out)
-{
-#if CASE_POLYTOPIC
-    CHECK(out->inside <= 1U);
-    return out->inside;
-#else
-    (void)out;
-    return 1U;
-#endif
 }
 
 /* The bits that the residual bounds of an answer ask for. */

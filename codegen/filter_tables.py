@@ -65,6 +65,7 @@ class Chooser:
         self.O = [floats(m.O) for m in model]
         self.S = [floats(filter_bounds.seen(m)) for m in model]
         self.n = len(self.J[0])
+        self.like = [next(k for k, first in enumerate(self.J) if np.array_equal(first, J)) for J in self.J]
         self.paths = backwards(graph, len(model), LONG)
         self.sizes = np.zeros(self.n + sum(map(len, self.S)))  # of the unit rows and of S, as far as runs reach
 
@@ -108,7 +109,8 @@ class Chooser:
         low : ndarray (k,)
             What the estimates reach; no set is below that.
         """
-        rows, carry = self.seeds(), [{} for _ in self.J]
+        rows, own = self.seeds(), [{} for _ in self.J]
+        carry = [own[k] for k in self.like]  # modes that move e alike share the combinations
         while True:
             after = [rows @ J for J in self.J]
             both = self.reached(np.concatenate([rows, *after]))
@@ -117,7 +119,8 @@ class Chooser:
                 return rows
             for known, wanted in zip(carry, after):
                 fresh = [i for i in range(len(rows)) if i not in known]
-                known |= dict(zip(fresh, combinations(rows, np.maximum(b, 1e-9 * np.max(b)), wanted[fresh])))
+                if fresh:
+                    known |= dict(zip(fresh, combinations(rows, np.maximum(b, 1e-9 * np.max(b)), wanted[fresh])))
             held = np.array([[np.abs(known[i]) @ b[:len(known[i])] for i in range(len(rows))] for known in carry])
             lost = held - need
             worth, highest = self._worth(rows, carry, b)
@@ -130,7 +133,7 @@ class Chooser:
                 return rows
             rows = np.concatenate([rows, fresh])[:most]
             for p, i in chosen:
-                carry[p].pop(i)
+                carry[p].pop(i, None)
 
     def _worth(self, rows: Array, carry: list[dict], b: Array) -> tuple[Array, float]:
         """How much each combination counts in the estimate's bound along runs, (N, m), and that bound."""
@@ -170,8 +173,9 @@ class Chooser:
             return [[np.flatnonzero(row).tolist(), row[np.flatnonzero(row)].tolist()]
                     for row in combinations(rows, b, wanted)]
 
+        own = [sparse(rows @ J) if k == like else [] for k, (like, J) in enumerate(zip(self.like, self.J))]
         still = rows * (np.arange(self.n) < self.n - self.n_s)
-        return {"rows": rows.tolist(), "carry": [sparse(rows @ J) for J in self.J], "sees": [sparse(S) for S in self.S],
+        return {"rows": rows.tolist(), "carry": [own[k] for k in self.like], "sees": [sparse(S) for S in self.S],
                 "out": [sparse(O) for O in self.O], "lost": sparse(still)}  # noqa: E741
 
     def settled(self, found: filter_bounds.Maps, b: Array) -> Array | None:

@@ -117,8 +117,8 @@ def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float |
     """
     moving = [s.name for s in plant.u if s.rate] if plant.kind == "continuous" else []
     if moving:
-        raise DesignError(f"{plant.name}: the input {moving[0]} moves between samples (found), expected inputs that are "
-                          "held: what it does there has no bound here. Remove its rate.")
+        raise DesignError(f"{plant.name}: the input {moving[0]} moves between samples (found), expected inputs that "
+                          "are held: what it does there has no bound here. Remove its rate.")
     every = polytope_thresholds.every_pair(problem)
     n, size = len(problem.E), np.ones(len(problem.E))
     first, rows = np.reshape(T1, (-1, n, n))[0] @ problem.E, None

@@ -1,4 +1,4 @@
-r"""What moves the error of a polytopic observer at most, on the numbers of the C: the recursion that thresholds rest on.
+r"""What moves the error of a polytopic observer at most, on the numbers of the C: what thresholds rest on.
 
 With eb = T1 E x - z (``polytope_error``), the plant at vertex i and the observer at vertex j, exactly,
 
@@ -227,7 +227,7 @@ def model(plant, problem, t, T1: Array, period: float | None) -> tuple[tuple[Joi
     room = abs(columns([(seen[:, n:2 * n], box.x), (seen[:, 2 * n:2 * n + m], box.u), (seen[:, 2 * n + m:], box.d)],
                        noise)).sum(axis=1)
     out = []
-    for (i, j), (A, B) in errors.pairs.items():
+    for (_, j), (A, B) in errors.pairs.items():
         own = [(product(F[j], T2) - product(K[j], passed)) * slip.y, G[j] * slip.u,
                (F[j] + product(K[j], C)) * slip.x_hat, K[j] * slip.r, eye(n) * slip.z]
         if moved is not None:

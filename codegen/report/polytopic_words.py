@@ -8,7 +8,7 @@ from . import words
 from .table import Fact, Folded, Table, table
 
 LIMITS = (
-    "The estimate itself: its error has a certified energy gain from inputs and disturbances, no bound at every sample.",
+    "The estimate itself: its error has a certified energy gain from inputs and disturbances, no bound at each sample.",
     "That the alarm lasts as long as the fault: it lasts as long as a residual exceeds its bound. Where all have come "
     "back the thresholds restart from the declared ranges, and the estimate goes on.",
     "Which fault it is, where several can act: every fault may move every residual.")
@@ -31,10 +31,11 @@ def facts(design, real: str) -> tuple[Fact, ...]:
     else:
         steps = (f"explicit Euler, {T}; the observer's own steps decay below {words.seconds(cert['limit'])} while the "
                  "weights stand still, and at the period of the firmware the recursion is certified anew")
-    return (Fact("Weights", f"{len(plant.polytope.vertices)} vertices, at the estimate: the proof is for all weights of "
-                 "plant and observer, however they move"),
+    return (Fact("Weights", f"{len(plant.polytope.vertices)} vertices, at the estimate: the proof is for all weights "
+                 "of plant and observer, however they move"),
             Fact("Energy gain from inputs and disturbances", f"certified {words.at_most(cert['level'], 4)} on the "
-                 f"constants of the C; the solver claimed {words.number(cert['claimed'], 4)} before rounding and steps"),
+                 f"constants of the C; the solver claimed {words.number(cert['claimed'], 4)} before rounding and "
+                 "steps"),
             Fact("Steps", steps),
             Fact("Threshold", "guaranteed, not calibrated: the error is followed over every input, disturbance and "
                  "weight within the declared ranges (peak to peak), between samples too, with the rounding of the C"))

@@ -31,8 +31,7 @@ from .descriptor_problem import DescriptorProblem, factors, visible
 from .descriptor_uncertain import INVISIBLE
 
 Array = np.ndarray
-#: Options of ``[observer]``: decay rate (1/s; per sample of a discrete plant), bound of the gains in the units of
-#: the design, what the level is of, whether T1 and T2 are chosen or of least norm, rows of the set behind the thresholds, delay of sure alarms.
+#: Options of ``[observer]``: as those of ``descriptor_uncertain``; the decay of a discrete plant is one per sample.
 OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "channel": ("state", "residual"), "factors": ("free", "least"),
            "set_rows": (4, 400), "within": (0, 50)}
 MISMATCH = ("plant", "disturbance")

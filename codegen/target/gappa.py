@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 import subprocess
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,6 +25,10 @@ STATED = {"rounded": r"(?m)^(\w+) r=$", "exact": r"(?m)^exact_(\w+) =$",
 
 #: What it takes for granted of the magnitude of a coefficient.
 TAKEN = r"(?m)^ +\|size_(\w+) - exact_size_\1\| <= (\S+) ->$"
+#: A definition with the comment before it; what is assumed; the goals, the last of them without a row.
+DEFINED = r"(?m)^# .*\n(\w+) r=\n(?:    .*\n)+?exact_\1 =\n(?:    .*\n)*?    .*;\n\n?"
+ASSUMED = r"    (?:#|.* ->$)"
+GOALS = r"(?ms)^    \(\n(.*)\n    \)\n\)\n\}"
 #: What Gappa says of a script that it can read and cannot prove.
 UNTRUE = ("not satisfied", "empty interval", "no contradiction was found")
 
@@ -83,18 +88,53 @@ def prove_rounding(folder: str | Path) -> RoundingResult:
             raise ToolError(f"{script}: takes for granted what it does not state of {name}. Make the folder again with "
                             "residua generate.")
     version = _run(["--version"]).stdout.split()[-1]
-    begin = time.monotonic()
-    done = _run([str(script)])
-    said = [" ".join(line.split()) for line in done.stderr.splitlines() if not line.startswith("Warning: renaming")]
-    # One that cannot be read, as opposed to one that is not true.
-    if done.returncode and not any(words in line for line in said for words in UNTRUE):
-        raise ToolError(f"gappa: failed with status {done.returncode}: {' '.join(said)[:300]}")
-    # Once a row fails, Gappa lists hypotheses without bounds as well.
-    rows = [line for line in said if "exact_" in line]
-    if not rows and len(rounded) == 1:  # of a single one it says nothing but that
-        rows = [f"exact_{rounded[0]}: {line}" for line in said]
-    alarms = tuple(rows or said) if done.returncode else ()
-    return RoundingResult(not done.returncode, alarms, len(rounded), time.monotonic() - begin, version)
+    begin, alarms = time.monotonic(), []
+    for row, part in parts(text):
+        done = _run(["/dev/stdin"], part)
+        said = [" ".join(line.split()) for line in done.stderr.splitlines() if not line.startswith("Warning: renaming")]
+        # One that cannot be read, as opposed to one that is not true.
+        if done.returncode and not any(words in line for line in said for words in UNTRUE):
+            raise ToolError(f"gappa: failed with status {done.returncode}: {' '.join(said)[:300]}")
+        if done.returncode:  # of a single goal it says no name
+            alarms.append(f"{row}: {' '.join(said)}")
+    return RoundingResult(not alarms, tuple(alarms), len(rounded), time.monotonic() - begin, version)
+
+
+def parts(text: str) -> Iterator[tuple[str, str]]:
+    """Split a script into one per goal: Gappa's time grows faster than the number of rows that it has before it.
+
+    A part has the goal, the definition of its row and the assumptions about what this reads: with less assumed
+    it proves no less.
+
+    Parameters
+    ----------
+    text : str
+        Script with a definition for each goal.
+
+    Yields
+    ------
+    name : str
+        ``exact_`` and the name of the row; of the last goal "difference".
+    script : str
+
+    Raises
+    ------
+    ToolError
+        The script is of another form.
+    """
+    defined = {m[1]: m[0] for m in re.finditer(DEFINED, text)}
+    goals = re.search(GOALS, text)
+    if goals is None or not defined:
+        raise ToolError("gappa: the script is not of the form that generate writes. Make the folder again with it.")
+    frame = re.sub(DEFINED, "", text[:goals.start()])
+    for goal in re.split(r" /\\\n", goals[1]):
+        row = re.search(r"exact_(\w+)", goal)
+        definition = defined[row[1]] if row else ""
+        read = set(re.findall(r"\w+", definition + goal))
+        taken = "".join(line for line in frame.splitlines(keepends=True)
+                        if not re.match(ASSUMED, line) or read & set(re.findall(r"\b[a-z]\w+\b", line)) - {"in"})
+        name = row[0] if row else "difference"
+        yield name, f"{taken.replace('{', definition + '{', 1)}    (\n{goal}\n    )\n)\n}}\n"
 
 
 def require_rounding(result: RoundingResult) -> None:
@@ -109,9 +149,10 @@ def require_rounding(result: RoundingResult) -> None:
                               "the C again; if that does not help, report it.")
 
 
-def _run(arguments: list[str]) -> subprocess.CompletedProcess:
+def _run(arguments: list[str], script: str = "") -> subprocess.CompletedProcess:
     try:
-        return subprocess.run(["gappa", *arguments], capture_output=True, text=True, timeout=LIMIT, check=False)
+        return subprocess.run(["gappa", *arguments], input=script, capture_output=True, text=True, timeout=LIMIT,
+                              check=False)
     except FileNotFoundError:
         raise ToolError("gappa: not found. Install it (Debian: apt-get install gappa).") from None
     except subprocess.TimeoutExpired:

@@ -91,11 +91,10 @@ extern "C" {
 
 typedef float disc_real;
 
-/* Sizes: states, inputs, outputs, modes, alarm bits. */
+/* Sizes: states, inputs, outputs, alarm bits. */
 #define DISC_NX 4U
 #define DISC_NU 1U
 #define DISC_NY 3U
-#define DISC_MODES 1U
 #define DISC_BITS 3U
 #define DISC_NH 2U /* vertices */
 #define DISC_ROWS 12U /* rows of the table of thresholds; the last holds for ever */

@@ -8,10 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from codegen.descriptors import design_observer, problem_and_scaling, sampled_observer
+from codegen.designs import read_design
 from codegen.plant.load import load
+from codegen.select import choose
 from codegen.synthesis.descriptor_lmi import Bounds
 from codegen.synthesis.descriptor_problem import DescriptorProblem, kernel_of
 
+from .scripts import GENERATED as FOLDERS
+
+GENERATED = FOLDERS[0].parent
 GALLERY = Path(__file__).parents[2] / "codegen" / "gallery"
 DECAY, GAIN = 3.0, 10.0
 
@@ -51,6 +56,13 @@ def _sampled(name, real):
     p, s = problem_and_scaling(plant(name))
     period = plant(name).sample_period
     return sampled_observer(p, "descriptor-uncertain", Bounds(GAIN, p.slowest() / 2, period), period, real, s)
+
+
+@lru_cache
+def made(name: str):
+    """The design of a gallery plant, both number types; the committed one where there is one."""
+    folder = GENERATED / f"{name}_descriptor-uncertain"
+    return read_design(folder) if folder.exists() else choose(plant(name), "descriptor-uncertain", {}, print)
 
 
 def frozen_gain(problem: DescriptorProblem, gains, pair) -> float:
