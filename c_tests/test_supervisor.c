@@ -213,7 +213,7 @@ static int starts_again(const T(state) *s)
     T(state) whole;
 
     T(reset)(&whole);
-    return (s->wait == M(SETTLE)) && same_bytes(s->a, whole.a, sizeof(whole.a)) && same_bytes(s->z, whole.z, sizeof(whole.z));
+    return (s->wait == whole.wait) && same_bytes(s->a, whole.a, sizeof(whole.a)) && same_bytes(s->z, whole.z, sizeof(whole.z));
 #elif FOLLOWS
     static const uint32_t nothing;
 

@@ -18,6 +18,7 @@ from .detectors import CertifiedDetector, faults_of, sampled_detector
 from .errors import CertificateError, DesignError
 from .observers import FAMILIES, Supervision
 from .observers.bank import BankTables, Member
+from .observers.runner import outward
 from .plant.model import Plant
 from .plant.weight_program import weight_program
 from .synthesis.bank import AVERAGE, CONFIDENCE, FASTER, GAIN, KEEP, MARGIN, PROBABILITY, inapplicable, member
@@ -82,12 +83,15 @@ def drafted(plant: Plant, options: dict, real: str, progress: Callable[[str], No
         g, start = found.gains, x0 - found.gains.T2 @ (found.gains.C @ x0)
         members.append(Member(seen, *(near(M, real) for M in (g.T2, g.C, g.F, g.G, g.K, found.M, start)), weights))
         detectors.append(found)
-    ranges = {f"{v}_{end}": near(np.clip(limit, -np.finfo(real).max, np.finfo(real).max), real)
-              for v in ("x", "u", "y") for end, limit in zip(("lo", "hi"), plant.limits(v))}
+    boxes, ends = {"x": plant.limits("x"), "x0": (plant.x0_lo, plant.x0_hi)}, ("lo", "hi")
+    ranges = {f"{v}_{end}": outward(limit, real, side) for v, box in boxes.items()
+              for end, limit, side in zip(ends, box, (-np.inf, np.inf))}
+    ranges |= {f"{v}_{end}": near(np.clip(limit, -np.finfo(real).max, np.finfo(real).max), real)
+               for v in "uy" for end, limit in zip(ends, plant.limits(v))}
     rate = float(near(np.array(min(1.0, period / float(options.get("average", AVERAGE * period)))), real))
     keep = max(1, round(float(options.get("keep", KEEP * period)) / period))
     t = BankTables(real, tuple(members), np.full(len(members), np.inf, real), rate, 0, 0, keep, weights,
-                   x0_lo=near(plant.x0_lo, real), x0_hi=near(plant.x0_hi, real), **ranges)
+                   **ranges)
     starts, reach, close = [], [], []
     for k, d in enumerate(detectors):
         own = member(plant, problem, faults, s, k)[1]

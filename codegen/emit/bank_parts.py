@@ -59,6 +59,7 @@ class BankView:
     bound: Table
     patterns: tuple[str, ...]
     keep: str
+    settle: str
     unread: tuple[str, ...]
 
 
@@ -100,7 +101,7 @@ def parts(t: BankTables, s, names: Names, signals: tuple, faults: tuple[str, ...
            (word, "ready", "", ("1: the levels of this sample are judged; 0: not yet, or there are none",)),
            (word, "inside", "", ("1: all estimates are where the weights are in force; 0: one is not",)),
            (word, "raised", "", (f"{m}_BIT_ of the observers whose alarm is {t.keep} samples old at most",)))
-    views, operations, z, a = [], Operations(0, 0, 2 * (len(u) + len(y)) + count), 0, 0
+    views, operations, z, a = [], Operations(0, 0, 2 * (len(u) + len(y) + count)), 0, 0
     for k, own in enumerate(t.members):
         view, counted = _member(names, t, own, k, (z, a), short[k], [c.name for c in y])
         views.append(view)
@@ -112,15 +113,14 @@ def parts(t: BankTables, s, names: Names, signals: tuple, faults: tuple[str, ...
     patterns = [f"0x{sum(1 << p for p, raised in enumerate(row) if raised):X}U" for row in t.incidence]
     view = BankView(
         sizes=(Size("NF", f"{count}U", "faults, and observers"), Size("NH", f"{len(t.members[0].F)}U", "vertices"),
-               Size("NZ", f"{z}U", "states of all observers"), Size("NA", f"{sums}U", "averages of all observers"),
-               Size("SETTLE", f"{t.settle}U", "samples after a start from anywhere that are not judged")),
+               Size("NZ", f"{z}U", "states of all observers"), Size("NA", f"{sums}U", "averages of all observers")),
         faults=tuple(Blame(stem, str(k), name, pattern)
                      for k, (stem, name, pattern) in enumerate(zip(stems, short, patterns))),
         members=tuple(views), libm=("",) * bool(t.weights.count(*LIBM, "sqrt")),
         reads=f"const {names.prefix}_in *in, " * bool(reads), called="in, " * bool(reads),
         weights=weight_lines(t.weights, n, t.members[0].G.shape[2], t.real), anew=tuple(anew),
         bound=vector_table("bound", f"{m}_NF", t.bound, t.real),
-        patterns=tuple(patterns), keep=f"{t.keep}U",
+        patterns=tuple(patterns), keep=f"{t.keep}U", settle=str(t.settle),
         unread=() if u else ("in",))
     start = (f"{names.prefix}_anew(s);", f"s->wait = {t.begin}U;", *quiet)
     return Parts(

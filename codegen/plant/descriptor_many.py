@@ -110,7 +110,7 @@ def truth_many(plant: Plant) -> Callable[..., tuple[Array, Array]]:
     Bw, Bf = (np.array([getattr(v, name) for v in p.vertices]) for name in ("Bw", "Bf"))
 
     def function(expressions):
-        made = sympy.lambdify(p.symbols, expressions, "numpy", cse=False)
+        made = sympy.lambdify(p.symbols, expressions, "numpy", cse=True)  # a pole in a branch not taken warns
 
         def values(x, u, theta):
             with np.errstate(all="ignore"):

@@ -89,7 +89,7 @@ def test_many_runs_equal_single_ones(bench):
         assert driver.run(u[i], y[i], q[i], theta[i], copy=False).differs(together.row(i)) == []
     assert driver.run(u[0], y[0], q[0], theta[0]).differs(together.row(2))  # another seed is another run
     lo, hi = design.plant.limits("x")
-    if driver.family in ("thresholds", "schedule", "blocks", "filter"):  # tables hold for the plant file's box alone
+    if driver.family in ("thresholds", "schedule", "blocks", "filter", "polytopic", "bank"):  # tables hold for the plant file's box alone
         with pytest.raises(ValueError, match="x0_lo, x0_hi: given"):
             driver.run_many(u, y, q, np.tile(lo, (SEEDS, 1)), np.tile(hi, (SEEDS, 1)), theta=theta)
         return
