@@ -14,6 +14,7 @@ from codegen.designs import read_design
 from codegen.emit.package import generate
 from codegen.host.build import build
 from codegen.plant.descriptor_many import simulate_many
+from codegen.plant.load import load
 from codegen.plant.model import Fault
 
 GENERATED = Path(__file__).resolve().parents[2] / "generated"
@@ -41,7 +42,7 @@ def signals(plant, real, seed=1):
     if plant.polytope is not None:
         y[rng.random((RUNS, STEPS)) < 0.02] = np.nan
         y[rng.random((RUNS, STEPS)) < 0.001] *= 100.0
-        for r, run in enumerate(of_the_plant(plant)):
+        for r, run in enumerate(of_the_plant(plant.name)):
             u[2 * r], y[2 * r] = run.u, run.y
         return u.astype(real), y.astype(real), np.zeros((RUNS, STEPS), int), np.zeros((RUNS, STEPS, 0), real)
     q = rng.integers(0, plant.n_modes, (RUNS, STEPS))
@@ -57,8 +58,9 @@ def signals(plant, real, seed=1):
 
 
 @lru_cache(maxsize=1)
-def of_the_plant(plant):
+def of_the_plant(name):
     """True runs of a polytopic plant, a third with one of its faults; its inputs are those of a scenario."""
+    plant = load(name)
     quiet = replace(plant.scenarios[0], steps=STEPS, fault=())
     channels = [(Fault(k % max(plant.n_f, 1), 100, 300, "0.3"),) * (k % 3 == 0 and plant.n_f > 0) for k in range(24)]
     return simulate_many(plant, [(replace(quiet, fault=fault), seed) for seed, fault in enumerate(channels)])
