@@ -51,7 +51,6 @@ def build(folder: Path, out: Path, change=lambda text: text) -> Path:
         raise ValueError(f"{folder}: no typedef of {p}_real in the header")
     (out / f"{p}.h").write_text(header, encoding="ascii")
     text = change((folder / f"{p}.c").read_text(encoding="ascii"))
-    text = re.sub(rf"const {real} (t\d+ = )", rf"const {p}_real \1", text)  # operations of weights
     (out / f"{p}.c").write_text(re.sub(*EXCHANGE, re.sub(*SELECTION, text)), encoding="ascii")
     (out / f"test_{p}.c").write_bytes((folder / f"test_{p}.c").read_bytes())
     (out / "renames.h").write_text(f"#define {p}_step counted_step\n#define {p}_predict counted_predict\n",

@@ -12,7 +12,8 @@ A continuous plant moves between samples. Its mean weights and disturbance over 
 again, so that only the change of x since the sample is left over: T1 sum_i h_i A_i (x(t) - x), bounded by `drift`.
 
 Rounding: every sum of the C in its order (``rounding.sum_error``), what conversion does to u and y, and weights whose
-sum is not 1; the C accepts only weights that it found to be numbers in [0, 1] with a sum near 1 (``weight_program``).
+sum is not 1: ``weight_program`` makes them numbers in [0, 1], and their sum is 1 but for the rounding of a tree of
+products, or found to be so by the C itself.
 """
 
 from __future__ import annotations

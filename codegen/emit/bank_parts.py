@@ -118,7 +118,7 @@ def parts(t: BankTables, s, names: Names, signals: tuple, faults: tuple[str, ...
                      for k, (stem, name, pattern) in enumerate(zip(stems, short, patterns))),
         members=tuple(views), libm=("",) * bool(t.weights.count(*LIBM, "sqrt")),
         reads=f"const {names.prefix}_in *in, " * bool(reads), called="in, " * bool(reads),
-        weights=weight_lines(t.weights, n, t.members[0].G.shape[2], t.real), anew=tuple(anew),
+        weights=weight_lines(t.weights, n, t.members[0].G.shape[2], t.real, real), anew=tuple(anew),
         bound=vector_table("bound", f"{m}_NF", t.bound, t.real),
         patterns=tuple(patterns), keep=f"{t.keep}U", settle=str(t.settle),
         unread=() if u else ("in",))

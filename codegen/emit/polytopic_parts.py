@@ -8,7 +8,7 @@ import numpy as np
 
 from ..observers.polytopic_step import LIBM, TRUTHS, Program
 from ..observers.polytopic_tables import PolytopicTables
-from .cprint import C_TYPE, Term, count_operations, initialiser, literal, macro_names, product, sum_lines
+from .cprint import Term, count_operations, initialiser, literal, macro_names, product, sum_lines
 from .families import Member, Word, state_layout
 from .manual import FILTERS, Bit
 from .maps import Names, Table
@@ -90,7 +90,7 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
                Size("LAST", f"{t.last << t.shift}U", "s->since once the last row holds")),
         libm=("",) * bool(t.weights.count(*LIBM, "sqrt")), reads=f"const {names.prefix}_in *in, " if read else "",
         called="in, " if read else "", idle=() if read or u else ("(void)in;",), varies=("",) * bool(sums["inner"]),
-        weights=weight_lines(t.weights, n, t.G.shape[2], t.real),
+        weights=weight_lines(t.weights, n, t.G.shape[2], t.real, real),
         estimate=tuple(statement(f"x_hat[{i}]", terms, t.real) for i, terms in enumerate(sums["x_hat"])),
         residual=tuple(statement(f"r[{i}]", terms, t.real) for i, terms in enumerate(sums["r"])), shown=shown,
         move=move, thresholds=Table("threshold", f"[{m}_ROWS][{m}_NY]", (), table),
@@ -176,7 +176,7 @@ def _operations(t: PolytopicTables, parts: dict[str, list]) -> Operations:
                       ranges + w.count("ge", "le", "gt", "min", "max", "abs") + 2 * w.count("div"), w.count("div"))
 
 
-def weight_lines(w: Program, n_x: int, n_u: int, real: str) -> tuple[str, ...]:
+def weight_lines(w: Program, n_x: int, n_u: int, real: str, kind: str) -> tuple[str, ...]:
     """Print the operations of the weights, one statement each.
 
     Parameters
@@ -185,6 +185,8 @@ def weight_lines(w: Program, n_x: int, n_u: int, real: str) -> tuple[str, ...]:
         Over x_hat, u, theta; its last result is a truth.
     n_x, n_u : int
     real : {"float32", "float64"}
+    kind : str
+        The C type of numbers.
     """
     suffix, most = ("f", "FLT_MAX") if real == "float32" else ("", "DBL_MAX")
     zero, lines = literal(0.0, real), []
@@ -218,6 +220,6 @@ def weight_lines(w: Program, n_x: int, n_u: int, real: str) -> tuple[str, ...]:
             value = f"-{a[0]}"
         else:
             value = f"{op.name}{suffix}({', '.join(a)})"
-        lines.append(f"const {'bool' if op.name in TRUTHS else C_TYPE[real]} {name(k)} = {value};")
+        lines.append(f"const {'bool' if op.name in TRUTHS else kind} {name(k)} = {value};")
     lines += [f"h[{j}] = {name(k)};" for j, k in enumerate(w.results[:-1])]
     return (*lines, f"inside = {name(w.results[-1])};")

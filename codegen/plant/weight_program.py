@@ -1,11 +1,11 @@
 r"""The weights of a polytope as one program: for any input weights in [0, 1] whose sum is 1 but for rounding.
 
 Sector model: each premise is cut to its bounds, its upper weight is (z - lo)/(hi - lo), and the products are built as a
-tree, w - w mu beside w mu. Normalised weights: exponentials with the largest exponent taken out, so that their sum is
-at least 1; one division.
+tree, w - w mu beside w mu: so they are in [0, 1], and each of them adds a rounding to their sum. Normalised weights:
+exponentials with the largest exponent taken out, so that their sum is at least 1; one division.
 
-The last result is the truth `inside`: the premises were within their bounds (but for rounding), and what was computed
-is numbers in [0, 1] that add up to 1 within rounding. Where the numbers do not, all weights are equal.
+The last result is the truth `inside`: the premises were within their bounds (but for rounding), or what was normalised
+is numbers in [0, 1] that add up to 1 within rounding. Where these do not, all weights are equal.
 """
 
 from __future__ import annotations
@@ -36,10 +36,11 @@ def weight_program(polytope: Polytope, real: str) -> Program:
         An expression has a function without operation.
     """
     b, h, step = Builder(polytope.symbols), len(polytope.vertices), float(np.finfo(real).eps)
-    truths: list[tuple] = []
     if polytope.premises:
-        weights = _tree(b, polytope, truths, step)
-    elif polytope.softmax:
+        truths: list[tuple] = []
+        weights = _tree(b, polytope, truths, real)
+        return _rounded(b.done([*weights, b.fold("and", truths)]), real)
+    if polytope.softmax:
         exponents = [b.value(w.args[0]) for w in polytope.raw]
         most = b.fold("max", exponents)
         weights = _normalised(b, [b.apply("exp", b.apply("sub", e, most)) for e in exponents])
@@ -52,12 +53,13 @@ def weight_program(polytope: Polytope, real: str) -> Program:
               b.apply("le", total, b.constant(1.0 + 4 * h * step))]
     fine = b.fold("and", sound)
     results = [b.apply("select", fine, w, b.constant(float(np.dtype(real).type(1 / h)))) for w in weights]
-    return _rounded(b.done([*results, b.fold("and", [*truths, fine])]), real)
+    return _rounded(b.done([*results, fine]), real)
 
 
-def _tree(b: Builder, polytope: Polytope, truths: list, step: float) -> list[tuple]:
+def _tree(b: Builder, polytope: Polytope, truths: list, real: str) -> list[tuple]:
     """Products of the premises' weights; the first premise is the lowest bit."""
     weights: list[tuple] = []
+    kind, step = np.dtype(real).type, float(np.finfo(real).eps)
     for p in polytope.premises:
         z, slack = b.value(p.term), 8 * step * max(abs(p.lo), abs(p.hi))
         truths += [b.apply("ge", z, b.constant(p.lo - slack)), b.apply("le", z, b.constant(p.hi + slack))]
@@ -65,14 +67,22 @@ def _tree(b: Builder, polytope: Polytope, truths: list, step: float) -> list[tup
         cut = b.apply("select", b.apply("gt", z, b.constant(p.lo)), z, b.constant(p.lo))
         cut = b.apply("min", cut, b.constant(p.hi))
         above = b.apply("sub", cut, b.constant(p.lo)) if p.lo else cut
-        share = b.apply("mul", above, b.constant(1 / (p.hi - p.lo)))
-        mu = b.apply("min", share, b.constant(1.0))
+        mu = b.apply("mul", above, b.constant(_reciprocal(kind(p.hi) - kind(p.lo))))
         if not weights:
             weights = [b.apply("sub", b.constant(1.0), mu), mu]
             continue
         upper = [b.apply("mul", w, mu) for w in weights]
         weights = [b.apply("sub", w, u) for w, u in zip(weights, upper)] + upper
     return weights
+
+
+def _reciprocal(width) -> float:
+    """The largest number of the type that makes no more than 1 of the width, nor, rounding being monotone, of less."""
+    kind = type(width)
+    found = kind(1) / width
+    while width * found > 1:
+        found = np.nextafter(found, kind(0))
+    return float(found)
 
 
 def _normalised(b: Builder, values: list[tuple]) -> list[tuple]:

@@ -13,8 +13,8 @@ e = eb - T2 Dd d, r = C eb + Dt d: linear in P1 and P1 K_j, and one inequality p
 All factors are [T1 T2] + Z F with F the left kernel of [E 0; C Dd]; with P1 Z as a variable the condition stays linear.
 T2 of least norm alone throws the algebraic equations away (T1 has zero columns for them).
 
-Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, Theorem 3.3.1 and Corollary 3.3.1. Differences
-from the print:
+Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, Theorem 3.3.1 and Corollary 3.3.1.
+Differences from the print:
 
 * the last block of (3.53) is -I (printed -gamma^2 I, with which the level would be its root); P2' B_i for P2 B_i; the
   (1, 4) block of (3.61) is there; P1 > 0.

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from codegen.descriptors import design_observer, problem_and_scaling, sampled_observer
-from codegen.designs import read_design
+from codegen.designs import Design, read_design
+from codegen.observers import PolytopicObserver, Supervision
 from codegen.plant.load import load
-from codegen.select import choose
+from codegen.polytopic_designs import certified, check, propose
 from codegen.synthesis.descriptor_lmi import Bounds
 from codegen.synthesis.descriptor_problem import DescriptorProblem, kernel_of
 
@@ -60,9 +61,15 @@ def _sampled(name, real):
 
 @lru_cache
 def made(name: str):
-    """The design of a gallery plant, both number types; the committed one where there is one."""
-    folder = GENERATED / f"{name}_descriptor-uncertain"
-    return read_design(folder) if folder.exists() else choose(plant(name), "descriptor-uncertain", {}, print)
+    """The committed design of a gallery plant; else one in float32 alone."""
+    folder, method = GENERATED / f"{name}_descriptor-uncertain", "descriptor-uncertain"
+    if folder.exists():
+        return read_design(folder)
+    p, real = plant(name), "float32"
+    t, cert = certified(p, propose(p, method, {}), {}, real)
+    faults = [{"channel": f.name, "unit": f.unit, "by_delay": [None]} for f in p.f]
+    return Design(p, method, PolytopicObserver({real: t}, Supervision()), {real: cert}, {real: check(p, t, cert)},
+                  {real: faults})
 
 
 def frozen_gain(problem: DescriptorProblem, gains, pair) -> float:

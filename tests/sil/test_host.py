@@ -87,7 +87,8 @@ def test_many_runs_equal_single_ones(bench):
     assert together.differs(design.observer.run_many(u, y, q, driver.real, theta=theta)) == []
     for i in range(SEEDS):
         assert driver.run(u[i], y[i], q[i], theta[i], copy=False).differs(together.row(i)) == []
-    assert driver.run(u[0], y[0], q[0], theta[0]).differs(together.row(2))  # another seed is another run
+    unlike = design.plant.w or design.plant.v or design.plant.theta  # another seed is another run
+    assert not unlike or driver.run(u[0], y[0], q[0], theta[0]).differs(together.row(2))
     lo, hi = design.plant.limits("x")
     if driver.family in ("thresholds", "schedule", "blocks", "filter", "polytopic", "bank"):  # tables hold for the plant file's box alone
         with pytest.raises(ValueError, match="x0_lo, x0_hi: given"):

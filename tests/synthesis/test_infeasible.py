@@ -96,7 +96,8 @@ CASES = {
     "unknown method": (
         GOOD, "sliding", {},
         'base: observer.method is "sliding", expected one of interval, tnl-interval, lpv-interval, '
-        "tnl-interval-lpv, component-interval, zonotope, ellipsoid, hinf-filter, mode-set."),
+        "tnl-interval-lpv, component-interval, zonotope, ellipsoid, hinf-filter, "
+        "descriptor-uncertain, descriptor-error, descriptor-discrete, hminus-hinf, mode-set."),
     "unknown option": (
         GOOD, "interval", {"lamda": 0.5},
         "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, lambda, contraction, "
