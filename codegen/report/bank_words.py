@@ -23,10 +23,10 @@ def facts(design, real: str) -> tuple[Fact, ...]:
     real : {"float32", "float64"}
     """
     c, t, T = design.certificate[real]["calibration"], design.observer.tables[real], design.plant.sample_period
-    return (Fact("Observers", f"{len(t.members)}, each without the sensors of one fault, which therefore cannot move it; "
+    return (Fact("Observers", f"{len(t.members)}, each without the sensors of one fault, which cannot move it; "
                  "designed for sensitivity to the others against disturbance, in Euler steps, certified as stepped"),
-            Fact("Averages", f"of the weighted residuals, time constant {words.seconds(T / t.rate)}; an alarm holds for "
-                 f"{words.seconds(T * t.keep)}"),
+            Fact("Averages", f"of the weighted residuals, time constant {words.seconds(T / t.rate)}; an alarm holds "
+                 f"for {words.seconds(T * t.keep)}"),
             Fact("Threshold", f"calibrated, not guaranteed: above the largest of {c['runs']} runs without fault, of "
                  f"{words.count(c['steps'], 'sample')} each. A further run of this kind raises an alarm with "
                  f"probability {c['probability']:g} at most; confidence {words.number(c['confidence'], 4)}"),
@@ -48,7 +48,8 @@ def tables(design, real: str) -> tuple[Table, ...]:
     rows = [(f.name, ", ".join(plant.y[i].name for i in m.seen), words.number(np.sqrt(float(b)), 4),
              words.number(own["gamma"] / own["beta"], 4), words.quantity(words.at_most(size), f.unit))
             for f, m, b, own, size in zip(plant.f, t.members, t.bound, cert["members"], isolable(plant, t, cert))]
-    head = ("observer without", "reads", "#threshold", "#disturbance over fault, certified", "#constant fault named from")
+    head = ("observer without", "reads", "#threshold", "#disturbance over fault, certified",
+            "#constant fault named from")
     notes = ("Disturbance over fault: energy gain from inputs and disturbances in units of their bounds, over the "
              "smallest settled response to a constant fault in units of its range. Last column: every other observer "
              "hears twice its threshold then.",)

@@ -116,9 +116,9 @@ def another_start(t, cert):
     return of(t, 2, z0=t.members[2].z0 + np.float32(5))
 
 
-@pytest.mark.parametrize("mutant", [louder, louder_in_the_proof, quieter, another_period, faster, hears_less, no_campaign,
-                                    settles_sooner, lower_threshold, judged_at_once, reads_its_own_sensor, another_gain,
-                                    another_weight, another_start], ids=lambda m: m.__name__)
+@pytest.mark.parametrize("mutant", [louder, louder_in_the_proof, quieter, another_period, faster, hears_less,
+                                    no_campaign, settles_sooner, lower_threshold, judged_at_once, reads_its_own_sensor,
+                                    another_gain, another_weight, another_start], ids=lambda m: m.__name__)
 def test_the_exact_check_refuses(mutant):
     p, t, cert = bank()
     changed = mutant(t, cert)

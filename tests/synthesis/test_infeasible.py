@@ -97,7 +97,7 @@ CASES = {
         GOOD, "sliding", {},
         'base: observer.method is "sliding", expected one of interval, tnl-interval, lpv-interval, '
         "tnl-interval-lpv, component-interval, zonotope, ellipsoid, hinf-filter, "
-        "descriptor-uncertain, descriptor-error, descriptor-discrete, hminus-hinf, mode-set."),
+        "descriptor-uncertain, descriptor-error, descriptor-discrete, hminus-hinf, bank, mode-set."),
     "unknown option": (
         GOOD, "interval", {"lamda": 0.5},
         "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, lambda, contraction, "
