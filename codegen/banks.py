@@ -108,7 +108,7 @@ def near(values: Array, real: str) -> Array:
 
     Parameters
     ----------
-    values : ndarray
+    values : ndarray (any shape)
     real : {"float32", "float64"}
     """
     return np.asarray(values, dtype=float).astype(real) + np.dtype(real).type(0)
