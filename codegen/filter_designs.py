@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
+from . import filter_calibration
 from .analysis.worst_sequence import worst_run
 from .certify import filter_bounds
 from .certify.exact import Q, up
@@ -33,6 +34,7 @@ def explore(plant: Plant, options: dict, progress: Callable[[str], None]) -> Ite
     CertificateError
         None survives rounding.
     """
+    filter_calibration.asked(options)  # says what is wrong with them before any synthesis
     problem, _ = stated(plant, options, not copies(plant, options))
     synthesis = options.get("synthesis", "slack")
     progress(f"{synthesis}: {len(problem.modes)} modes, {problem.sizes[0]} states")
@@ -69,9 +71,12 @@ def certified(plant: Plant, gains: dict, options: dict, real: str) -> tuple[Filt
     graph = filter_bounds.Graph.of(problem.switching)
     t, held = frozen(plant, constants, graph, real, None if rows is None else int(rows))
     add, drain, limit = problem.switching.dwell
-    return t, {"kind": "filter", "level": level, "claimed": proposal.claimed, "reached": reached, "energy": proof,
-               "set_of_both": held, "steady_box": None, "dwell_add": add, "dwell_drain": drain, "dwell_limit": limit,
-               "post": [x.tolist() for x in proposal.xi]}
+    cert = {"kind": "filter", "level": level, "claimed": proposal.claimed, "reached": reached, "energy": proof,
+            "set_of_both": held, "steady_box": None, "dwell_add": add, "dwell_drain": drain, "dwell_limit": limit,
+            "post": [x.tolist() for x in proposal.xi]}
+    if options.get("threshold") == "calibrated":
+        return filter_calibration.calibrated(plant, t, cert, options)
+    return t, cert
 
 
 def start_of(problem, gains) -> dict:
@@ -102,9 +107,13 @@ def check(plant: Plant, t: FilterTables, cert: dict) -> list[str]:
     if Q(cert["level"]) * Q(cert["level"]) < level2:
         raise CertificateError(f"certificate: the level {cert['level']:.6g} (found) is below the proved "
                                f"{up(level2) ** 0.5:.6g}.")
-    filter_bounds.check(plant.observed.modes, t, filter_bounds.Graph.of(problem.switching), cert["set_of_both"],
+    whole = filter_calibration.guaranteed(t, cert)
+    filter_bounds.check(plant.observed.modes, whole, filter_bounds.Graph.of(problem.switching), cert["set_of_both"],
                         (plant.x0_lo, plant.x0_hi))
-    return sentences(plant, t, cert)
+    proved = sentences(plant, t, cert)
+    if "calibration" in cert:
+        return [proved[0], *filter_calibration.check(plant, t, cert), proved[2], proved[3]]
+    return proved
 
 
 def sentences(plant: Plant, t: FilterTables, cert: dict) -> list[str]:

@@ -20,7 +20,7 @@ Array = np.ndarray
 #: Most rows of the set; fewer where its thresholds are that close to what a run reaches. Rows added at a time.
 ROWS, CLOSE, STEP = 64, 1.01, 4
 #: The last bounds over the smallest ones; the smaller, the longer the table. Most samples of its two beginnings.
-ABOVE, MOST = 1.002, 400
+ABOVE, MOST = 1.002, 4000
 #: Rows of a beginning at most; where it lasts longer a row holds for two, four, ... samples.
 LENGTH = 20
 #: Samples that runs are followed back.

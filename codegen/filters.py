@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from math import sqrt
 
@@ -12,7 +13,8 @@ from .certify.switched_gain import check_gain
 from .errors import CertificateError, DesignError
 from .synthesis import hinf_filter, hinf_projection
 from .synthesis.hinf_analysis import balanced, level_of, rounded, stability_margin
-from .synthesis.hinf_filter import REMEDY
+from .synthesis.hinf_condition import conditioned, is_skewed, unscaled
+from .synthesis.hinf_filter import REMEDY, FilterDesign
 from .synthesis.hinf_problem import FilterProblem, is_slight, without_slight
 from .synthesis.hinf_reduction import reduce_order
 from .synthesis.hinf_weights import post_scaling, scaled
@@ -48,18 +50,22 @@ class CertifiedFilter:
 def proofs(problem: FilterProblem, gains, start: dict):
     """Proofs to be tried: of the problem, then of it less its slight uncertainties, with multipliers for these."""
     some = False
-    for margin in MARGINS:
-        found = level_of(problem, gains, start, margin)
-        if found is not None:
-            some = True
-            yield found.proof | {"level2": float(found.gamma**2 * (1 + 1e-9))}
+    forms = [(problem, [[np.ones(1) for _ in m.blocks] for m in problem.modes]), conditioned(problem)]
+    for plain, scales in reversed(forms) if is_skewed(problem) else forms:
+        for margin in MARGINS:
+            found = level_of(plain, gains, start, margin)
+            if found is not None:
+                some = True
+                yield found.proof | {"level2": float(found.gamma**2 * (1 + 1e-9)),
+                                     "multipliers": unscaled(found.proof["multipliers"], scales)}
     if some or not any(is_slight(b) for m in problem.modes for b in m.blocks):
         return
+    plain, scales = conditioned(without_slight(problem))
     for margin in MARGINS[1:]:
-        found = level_of(without_slight(problem), gains, start, margin)
+        found = level_of(plain, gains, start, margin)
         for tau in () if found is None else (1e-2, 1.0, 1e2, 1e-4, 1e4):
             rows = []
-            for m, known in zip(problem.modes, found.proof["multipliers"]):
+            for m, known in zip(problem.modes, unscaled(found.proof["multipliers"], scales)):
                 known = iter(known)
                 rows.append([{"tau": tau} if is_slight(b) else next(known) for b in m.blocks])
             yield found.proof | {"multipliers": rows, "level2": float(found.gamma**2 * (1 + 1e-6))}
@@ -122,6 +128,24 @@ class Proposal:
     start: dict
 
 
+def designed(problem: FilterProblem) -> tuple[FilterDesign, FilterProblem]:
+    """Design for the problem as it is stated, else as a solver sees it better; that form of it comes along.
+
+    Raises
+    ------
+    DesignError
+        No filter exists.
+    """
+    slight = any(is_slight(b) for m in problem.modes for b in m.blocks)
+    wholes = [problem, conditioned(problem)[0]]
+    forms = [form for whole in (reversed(wholes) if is_skewed(problem) else wholes)
+             for form in ((whole, whole), (whole, without_slight(whole)))[:1 + slight]]
+    for whole, form in forms[:-1]:
+        with suppress(DesignError):
+            return hinf_filter.design(form), whole
+    return hinf_filter.design(forms[-1][1]), forms[-1][0]
+
+
 def propose(problem: FilterProblem, synthesis: str = "slack", loss: float = 0.0, post: bool = False) -> Proposal:
     """Design, lower the order, balance the states, scale the estimate; arguments as ``design_filter``.
 
@@ -132,13 +156,7 @@ def propose(problem: FilterProblem, synthesis: str = "slack", loss: float = 0.0,
     """
     if synthesis not in ("slack", "projection"):
         raise DesignError(f'hinf-filter: synthesis is {synthesis!r}, expected "slack" or "projection".')
-    try:
-        design = hinf_filter.design(problem)
-    except DesignError:
-        slight = without_slight(problem)
-        if all(len(a.blocks) == len(b.blocks) for a, b in zip(slight.modes, problem.modes)):
-            raise
-        design = hinf_filter.design(slight)
+    design, problem = designed(problem)
     if synthesis == "projection":
         design = hinf_projection.design(problem, design).design
     claimed = design.gamma
@@ -160,8 +178,8 @@ def certify_proposal(problem: FilterProblem, gains, start: dict) -> tuple[float,
     try:
         return certify_filter(problem, gains, start)
     except CertificateError:
-        margin = stability_margin(problem)
-        if margin <= 1e-7:  # the solver took its own tolerance for a solution
+        margin = stability_margin(conditioned(problem)[0])
+        if -np.inf < margin <= 1e-7:  # the solver took its own tolerance for a solution
             raise DesignError("hinf-filter: the plant itself is not stable under this switching and uncertainty "
                               f"(margin {margin:.1e} of 1), so no filter has a level. {REMEDY}") from None
         raise

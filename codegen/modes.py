@@ -25,7 +25,7 @@ def certified(plant: Plant, options: dict, real: str, ages: int | None, widths=N
     most = min(OLDEST, max(mode_certificate.dwell_samples(plant) - 1, 1))
     t = tables_of(ModeTables, plant, most if ages is None else ages, real)
     return mode_certificate.prove(plant, t, int(options.get("horizon", HORIZON)), most if ages is None else None,
-                                  widths)
+                                  widths, options.get("restart") == "certified")
 
 
 def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], None]) -> Design:

@@ -320,6 +320,7 @@ def supervision(plant: Plant, cert: dict) -> Supervision:
     t, dwell = plant.target, {}
     if cert["kind"] == "filter":
         dwell = {k: cert[k] for k in ("dwell_add", "dwell_drain", "dwell_limit")}
+        dwell |= {"assures": "calibration" not in cert}
     elif cert["kind"] in ("linf", "hinf") and cert["dwell_add"] > cert["dwell_drain"] and cert["rho"] > 1:
         dwell = {"dwell_add": cert["dwell_add"], "dwell_drain": cert["dwell_drain"],
                  "dwell_limit": int(cert["chatter"] * cert["dwell_add"])}

@@ -182,7 +182,7 @@ def outcomes(design, results) -> None:
         words = f"{len(found)} of {len(o.episodes)}" if o.episodes else "-"
         words += f", at most {slowest} samples late" if slowest is not None else ""
         rows.add_row(o.scenario.name, str(len(o.trace.alarm)), "no" if o.differences else "yes", str(o.lost),
-                     str(o.false_alarms), f"{100 * np.mean(o.trace.assured):.1f} %", words)
+                     str(o.false_alarms + o.chance), f"{100 * np.mean(o.trace.assured):.1f} %", words)
     out.print(rows)
 
 

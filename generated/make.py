@@ -26,6 +26,10 @@ DESIGNS = (("cart", "tnl-interval"), ("disc", "descriptor-uncertain"), ("disc_se
            ("zammali_trace", "ellipsoid"), ("zammali_zonotope", "zonotope"))
 #: Plants of the gallery whose firmware would have the shape of another's, with other numbers.
 LIKE_ANOTHER = ("lamouchi_detector", "zammali_lpv_ct2")
+#: Plants whose C calls <math.h>: the last bits of its answers are those of the machine, so that none are kept.
+WITH_LIBM = ("dlpv",)
+#: Methods whose C is that of another method of their family, with other numbers.
+SAME_C = ("descriptor-discrete", "descriptor-error", "hminus-hinf")
 
 
 def main() -> None:

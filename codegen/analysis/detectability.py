@@ -90,7 +90,8 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
         found = point_detection.thresholds(plant, t, cert, within)
         return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
     if isinstance(t, FilterTables):
-        found = filter_detection.thresholds(plant, t, within)
+        calibrated = cert.get("calibration")
+        found = filter_detection.thresholds(plant, t, within, calibrated and np.array(calibrated["guaranteed"]))
         return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
     if isinstance(t, PolytopicTables):
         found = polytopic_detection.thresholds(plant, t, within)

@@ -2,7 +2,8 @@
 
 By superposition f_hat is that of the fault-free run, at most h of the last row once settled, and the response to the
 fault alone from rest, at least ``|g| - radius`` times its size: g along the middle of the uncertain matrices, the
-radius carried beside it elementwise. An alarm is sure where that exceeds 2 h. Every mode sequence counts, the slow ones
+radius carried beside it elementwise. An alarm is sure where that exceeds 2 h (where the threshold is calibrated: it and
+the guaranteed bound together). Every mode sequence counts, the slow ones
 of a dwell time and the others alike.
 """
 
@@ -47,7 +48,7 @@ def middle(m) -> tuple[Array, Array]:
     return A, np.abs(m.A_unc).sum(axis=0) + np.einsum("j,jab->ab", radius, np.abs(m.A_theta)) + m.A_rad
 
 
-def thresholds(plant, t, within: int) -> Array:
+def thresholds(plant, t, within: int, quiet: Array | None = None) -> Array:
     """Smallest sizes per fault channel and delay.
 
     Parameters
@@ -55,6 +56,8 @@ def thresholds(plant, t, within: int) -> Array:
     plant : Plant
     t : FilterTables
     within : int
+    quiet : ndarray (N, n_f), optional
+        What |f_hat| can be without a fault, where that is not the threshold itself.
 
     Returns
     -------
@@ -65,7 +68,8 @@ def thresholds(plant, t, within: int) -> Array:
     depth = within
     while len(modes) ** (depth + 1) > MOST_SEQUENCES and depth > 0:
         depth -= 1
-    bound = 2.0 * t.h[-1].astype(float)
+    last = t.h[-1].astype(float)
+    bound = last + (last if quiet is None else quiet)
     out = np.full((plant.n_f, within + 1), np.inf)
     for j in range(plant.n_f):
         worst = np.zeros(depth + 1)

@@ -30,7 +30,8 @@ def square(n_modes: int, values: dict) -> list[list[int]]:
     return [[int(values.get((i, j), 0)) for j in range(n_modes)] for i in range(n_modes)]
 
 
-def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | None = None) -> tuple:
+def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | None = None,
+          restart: bool = False) -> tuple:
     """Certify tables, with the oldest age that they have or the least that will do.
 
     Parameters
@@ -43,6 +44,8 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
         Search the oldest age up to this; None: keep that of the tables.
     widths : ndarray (n_x,) or None
         Where to begin the search for the widths, such as those of the other number type.
+    restart : bool
+        What holds after an alarm or a reset is certified too; it takes more ages.
 
     Returns
     -------
@@ -57,9 +60,9 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
     check_enclosure(plant, t)
     claims = Claims(t, plant.limits("x"), plant.limits("u"), dwell_samples(plant), horizon)
     if oldest is None:
-        found = claims.delays(widths=widths)
+        found = claims.delays(restart, widths)
     else:
-        found, ages = claims.sized(oldest, widths)
+        found, ages = claims.sized(oldest, widths, restart)
         t = replace(t, ages=ages)
     if found.start is None:
         raise CertificateError(f"certificate: from power-up some modes are not told apart within {horizon} samples. "
@@ -67,7 +70,8 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
     n = plant.n_modes
     return t, {"kind": "mode", "dwell": dwell_samples(plant), "ages": t.ages, "horizon": horizon,
                "old": square(n, found.old), "identified": square(n, found.identified), "quiet": found.quiet,
-               "start": found.start, "worst": found.worst, "widths": found.widths.tolist()}
+               "start": found.start, "worst": found.worst, "widths": found.widths.tolist(),
+               **({"restart": found.restart, "calm": found.calm} if restart else {})}
 
 
 def check(plant, t, cert: dict) -> list[str]:
@@ -83,13 +87,16 @@ def check(plant, t, cert: dict) -> list[str]:
         raise CertificateError(f"certificate: for {cert['ages']} ages and a dwell time of {cert['dwell']} samples, the "
                                f"tables have {t.ages} and the plant {dwell_samples(plant)}.")
     claims = Claims(t, plant.limits("x"), plant.limits("u"), cert["dwell"], cert["horizon"])
-    found = claims.again(np.array(cert["widths"]), {p: cert["old"][p[0]][p[1]] - 1 for p in claims.pairs})
+    old = {(i, j): cert["old"][i][j] - 1 for i, j in claims.pairs}
+    found = claims.again(np.array(cert["widths"]), old, "restart" in cert)
     for name, fresh in (("old", found.old), ("identified", found.identified)):
         for (i, j), samples in fresh.items():
             if cert[name][i][j] < samples:
                 raise CertificateError(f"certificate: {name} of the switch from {plant.modes[i].name} to "
                                        f"{plant.modes[j].name} is {cert[name][i][j]} samples, only {samples} proved.")
-    for name, fresh in (("quiet", found.quiet), ("start", found.start), ("worst", found.worst)):
+    single = {"quiet": found.quiet, "start": found.start, "worst": found.worst}
+    single |= {"restart": found.restart, "calm": found.calm} if "restart" in cert else {}
+    for name, fresh in single.items():
         if fresh is None or cert[name] is None or cert[name] < fresh:
             raise CertificateError(f"certificate: {name} is {cert[name]} samples, only {fresh} proved.")
     return sentences(plant, t, cert)
@@ -102,6 +109,10 @@ def sentences(plant, t, cert: dict) -> list[str]:
     def time(samples: int) -> str:
         return f"{samples} samples ({samples * T:.4g} s)" if samples != 1 else f"1 sample ({T:.4g} s)"
 
+    after = [] if "restart" not in cert else [
+        "after a reset, and after an alarm from the second sample without one on, mode is right after "
+        f"{time(cert['restart'])} at the latest, and after {time(cert['calm'])} all that is said of switches holds "
+        "again, if neither a switch nor a fault comes before that"]
     pairs = [(i, j) for i in range(len(names)) for j in range(len(names)) if i != j]
     each = "; ".join(f'"{names[i]}" to "{names[j]}" {cert["old"][i][j]} and {cert["identified"][i][j]}'
                      for i, j in pairs)
@@ -115,5 +126,5 @@ def sentences(plant, t, cert: dict) -> list[str]:
         f"from power-up within the initial box mode is right after {time(cert['start'])} at the latest, if the first "
         f"switch is {time(cert['dwell'])} later or more",
         f"a wrong mode that is taken up while the mode stays is out of mode_set within {time(cert['quiet'])}; the "
-        f"oldest age {t.ages} is beyond that",
+        f"oldest age {t.ages} is beyond that", *after,
     ]

@@ -14,20 +14,10 @@ import numpy as np
 
 from ..errors import CertificateError
 from .mode_delay import Course, Story, survival
+from .mode_restart import restarted
+from .mode_widths import AgesError, contracted
 
 Array = np.ndarray
-#: Periods within which the box of a mode that stays has reached its bound.
-LASTING = 100000
-
-
-class AgesError(CertificateError):
-    """The oldest age is too young; ``least`` is one to try next."""
-
-    def __init__(self, text: str, least: int):
-        super().__init__(text)
-        self.least = least
-
-
 @dataclass(frozen=True)
 class ModeDelays:
     """Certified delays, in samples after the last sample before the switch; delay in seconds is samples * period.
@@ -41,9 +31,11 @@ class ModeDelays:
         is right from there to the next switch. Younger children never get older than ``quiet``.
     quiet : int
         Age that a wrong child does not reach while the mode stays.
-    start, restart : int or None
-        Samples from power-up, and from an alarm, after which no wrong hypothesis as old as that is alive; None: not
-        within the horizon (after an alarm also: a wrong child may reach the oldest age), or not asked.
+    start : int or None
+        Samples from power-up after which no wrong hypothesis as old as that is alive; None: not within the horizon.
+    restart, calm : int or None
+        Of ``mode_restart``: samples from an alarm or a reset after which the decision is right, and after which all the
+        others hold again; None: not asked.
     widths : ndarray (n_x,)
         Widths of the box of the true mode at a switch.
     """
@@ -53,41 +45,13 @@ class ModeDelays:
     quiet: int
     start: int | None
     restart: int | None
+    calm: int | None
     widths: Array
 
     @property
     def worst(self) -> int:
         """Samples after which the decision is right, over all switches."""
         return max(self.identified.values())
-
-
-def narrowed(t, widths: Array, q: int) -> Array:
-    """Widths of a box of mode q a period later, cut to the noise."""
-    p = len(t.v_lo)
-    widths = (np.abs(t.Phi[q]).astype(float) @ widths + 2 * t.reach[q].astype(float)) * (1 + 1e-12)
-    widths[:p] = np.minimum(widths[:p], (t.v_hi - t.v_lo).astype(float) * (1 + 1e-12))
-    return widths
-
-
-def contracted(t, widths: Array, q: int, samples: int) -> Array:
-    """Widths of a box of mode q after so many periods and ever after: narrow boxes may grow again.
-
-    Raises
-    ------
-    CertificateError
-        They have no bound.
-    """
-    for _ in range(samples):
-        widths = narrowed(t, widths, q)
-    for _ in range(LASTING):
-        later = narrowed(t, widths, q)
-        if np.all(later <= widths):  # and so at every later sample
-            return widths
-        widths = np.maximum(widths, later * (1 + 1e-6))
-        if np.any(widths > 1e30):
-            break
-    raise CertificateError(f"certificate: the box of mode {q} grows while the mode stays. Measure another state, or "
-                           "bound the disturbance closer.")
 
 
 class Claims:
@@ -235,7 +199,7 @@ class Claims:
             widths = np.maximum(widths, contracted(self.t, hull, j, first - at))
         return widths, first
 
-    def again(self, widths: Array, old: dict) -> ModeDelays:
+    def again(self, widths: Array, old: dict, restart: bool = False) -> ModeDelays:
         """The delays anew, at widths that were found before; ``old`` says where to look first.
 
         Raises
@@ -247,7 +211,7 @@ class Claims:
         after = self.returned(widths, *found, self.pairs)
         if any(np.any(most > widths) for most in (self.begun(), *after.values())):
             raise CertificateError("certificate: the box of the true mode may grow beyond the widths stated.")
-        return self._concluded(widths, *found, restart=False)
+        return self._concluded(widths, *found, restart=restart)
 
     def delays(self, restart: bool = False, widths: Array | None = None) -> ModeDelays:
         """All of it.
@@ -255,7 +219,7 @@ class Claims:
         Parameters
         ----------
         restart : bool
-            Also how long it takes after an alarm: the boxes are wide then, and the search long.
+            Also how long it takes after an alarm: the boxes are wide then, which takes more ages.
         widths : ndarray (n_x,) or None
             Where to begin.
 
@@ -270,7 +234,7 @@ class Claims:
         """
         return self._concluded(*self.settled(widths), restart=restart)
 
-    def sized(self, most: int, widths: Array | None = None) -> tuple[ModeDelays, int]:
+    def sized(self, most: int, widths: Array | None = None, restart: bool = False) -> tuple[ModeDelays, int]:
         """``delays`` with the least oldest age that will do, and that age; at most ``most``.
 
         Raises
@@ -281,7 +245,7 @@ class Claims:
         while True:
             self.t = replace(self.t, ages=ages)
             try:
-                return self._concluded(*found, restart=False), ages
+                return self._concluded(*found, restart=restart), ages
             except AgesError as error:
                 if not ages < error.least <= most:
                     raise
@@ -308,12 +272,11 @@ class Claims:
         if max(identified.values()) > self.dwell:
             raise CertificateError(f"certificate: identification may take {max(identified.values())} samples, the "
                                    f"dwell time is {self.dwell}. Use a longer dwell time.")
-        start, wide = self.first("start", course), None
+        start = self.first("start", course)
         self._grown_up(self.oldest)
-        if restart:
-            wide = self.first("wide", course)
-            wide = None if self.t.ages < self.oldest + 1 else wide  # wrong children may come of age: nothing is sure
-        return ModeDelays({k: v + 1 for k, v in old.items()}, identified, max(young.values()) + 1, start, wide, widths)
+        right, calm = restarted(self, widths) if restart else (None, None)
+        return ModeDelays({k: v + 1 for k, v in old.items()}, identified, max(young.values()) + 1, start, right, calm,
+                          widths)
 
     def _grown_up(self, samples: int) -> None:
         """A wrong child that reached the oldest age would give birth itself."""

@@ -19,7 +19,7 @@ Array = np.ndarray
 @dataclass(frozen=True)
 class FilterView:
     """Sizes, faults, tables; ``row`` is the row that counts, ``again`` and ``known`` are conditions: the table starts
-    anew, the plant's set holds.
+    anew, the plant's set holds. ``what`` is what the firmware does, ``lost`` what holds after a lost sample.
     """
 
     sizes: tuple[Size, ...]
@@ -29,6 +29,26 @@ class FilterView:
     row: str
     again: str
     known: str
+    what: tuple[str, ...]
+    lost: tuple[str, ...]
+
+
+#: What an estimate, its bound and a lost sample mean, of thresholds that are guaranteed, and that are calibrated.
+WHAT = (("At every sample it takes the inputs, the measurements and the mode, and answers with an estimate of each",
+         "fault, with the largest estimate that is possible without a fault, and with alarm bits. An estimate beyond",
+         "that bound cannot happen without a fault. The estimate goes on while a fault lasts."),
+        ("At every sample it takes the inputs, the measurements and the mode, and answers with an estimate of each",
+         "fault, with its threshold, and with alarm bits. THE THRESHOLDS ARE CALIBRATED: without a fault an estimate",
+         "rarely exceeds them, but it may; assured is always 0. The estimate goes on while a fault lasts."))
+LOST = (("bounds of the next estimates are higher for a while and stay guaranteed. There is no estimate: "
+         "f_hat, f_bound, raw",
+         "and alarm are 0, and the alarm's debounce and latch stand still."),
+        ("thresholds of the next estimates are higher for a while. There is no estimate: f_hat, f_bound, raw and alarm",
+         "are 0, and the alarm's debounce and latch stand still."))
+BOUND = ("largest magnitude of f_hat without a fault; 0 after predict",
+         "threshold of |f_hat|, calibrated; 0 after predict")
+ASSURED = ("1: the bounds and alarms of this sample are guaranteed; 0: they are not",
+           "0: the thresholds are calibrated, not guaranteed")
 
 
 def maps(t, names: Names, faults) -> tuple[MapSpec, MapSpec]:
@@ -87,15 +107,16 @@ def parts(t, s, names: Names, signals: tuple, layout: str, faults: tuple[Channel
     words: list[Word] = [mode_word(m)] if s.monitors_dwell else []
     words.append(("since", "", f"samples since a start of the table of thresholds, 0 to {(rows - 1) << t.shift}"))
     numbers: list[Member] = [(real, "xi", f"[{m}_NS]", ("state of the filter",))]
+    kind = int(not s.assures)
     bits = tuple(Bit(stem, f"0x{1 << c.index:X}U", f"estimate of {c.name} beyond its bound")
                  for c, stem in zip(faults, macro_names(c.name for c in faults)))
     begin = assign("s->xi", np.zeros(n_s, t.dtype), t.real)
     out = ((real, "f_hat", f"[{m}_NF]", ("estimates of the faults; 0 after predict",)),
-           (real, "f_bound", f"[{m}_NF]", ("largest magnitude of f_hat without a fault; 0 after predict",)),
+           (real, "f_bound", f"[{m}_NF]", (BOUND[kind],)),
            ("uint32_t", "raw", "", (f"{m}_BIT_ of what is beyond its bound at this sample; 0 after predict",)),
            ("uint32_t", "alarm", "", ("the same after the debounce; 0 after predict",)),
            ("uint32_t", "latched", "", ("alarm bits as kept; act on these",)),
-           ("uint32_t", "assured", "", ("1: the bounds and alarms of this sample are guaranteed; 0: they are not",)))
+           ("uint32_t", "assured", "", (ASSURED[kind],)))
     fast = " || (s->too_fast != 0U)" if s.monitors_dwell else ""
     operations = sum(v.operations for v in views) + [0, 0, 2 * (len(u) + len(y) + n_s + n_f)]
     lines = [f"{initialiser(row, t.real)}," for row in t.h]
@@ -111,7 +132,8 @@ def parts(t, s, names: Names, signals: tuple, layout: str, faults: tuple[Channel
         faults=faults, thresholds=Table("threshold", f"[{m}_ROWS][{m}_MODES][{m}_NF]", (), thresholds),
         limit=Table("limit", f"[{m}_NS]", (), (initialiser(t.limit, t.real).strip("{} ") + ",",)),
         row=f"(s->since >> {t.shift}U)" if t.shift else "s->since", again=f"(again && (out->raw == 0U)){fast}",
-        known=f"(s->since >= {m}_LOST)" + (" && (s->too_fast == 0U)" if s.monitors_dwell else ""))
+        known=f"(s->since >= {m}_LOST)" + (" && (s->too_fast == 0U)" if s.monitors_dwell else ""),
+        what=WHAT[kind], lost=LOST[kind])
     return Parts(
         noun=FILTERS, header="filter.h.jinja", self_test="harness/test_filter.c.jinja", bits=bits, maps=views,
         state=state_layout(names, s, n_f, numbers, n_s, [], words), out_fields=tuple(Field(*f) for f in out),

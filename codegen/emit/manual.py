@@ -185,7 +185,8 @@ def alarm(s, prefix: str, noun: str) -> tuple[str, ...]:
             "out->latched repeats out->alarm, and keeps it over predict.")
     text = (f"Debounce: {rule}. {keep} {noun.capitalize()} that have met a fault are worthless: they restart from the "
             f"declared ranges at the first sample within bounds{far}. "
-            + (f"assured returns after {prefix}_reset only: a fault that goes on may be absorbed by the restarted "
+            + ("assured is never set: the thresholds are calibrated." if not s.assures else
+               f"assured returns after {prefix}_reset only: a fault that goes on may be absorbed by the restarted "
                f"{noun}." if s.latch else
                f"assured returns after {s.hold} samples within bounds, on the assumption that the fault is over by "
                "then."))

@@ -36,6 +36,8 @@ class Supervision:
         Leaky bucket: each sample takes ``dwell_drain`` out, each switch puts ``dwell_add`` in; more than
         ``dwell_limit`` in it breaks the average dwell time dwell_add/dwell_drain (samples) with chatter
         bound dwell_limit/dwell_add. All zero: switching is arbitrary, no monitor.
+    assures : bool
+        Whether anything is guaranteed; without, ``assured`` is never set.
     """
 
     debounce: tuple[int, int] = (1, 1)
@@ -45,6 +47,7 @@ class Supervision:
     dwell_add: int = 0
     dwell_drain: int = 0
     dwell_limit: int = 0
+    assures: bool = True
 
     @property
     def monitors_dwell(self) -> bool:
@@ -58,7 +61,10 @@ class Supervision:
 
     def to_dict(self) -> dict:
         """Return a plain dict for design.json."""
-        return asdict(self) | {"debounce": list(self.debounce)}
+        data = asdict(self) | {"debounce": list(self.debounce)}
+        if self.assures:  # the rule goes without saying
+            del data["assures"]
+        return data
 
     @classmethod
     def from_dict(cls, data: dict) -> Supervision:
@@ -130,4 +136,4 @@ def judge(s: Supervision, st: SupervisorState, on: Array, raw: Array):
 def undisturbed(s: Supervision, st: SupervisorState) -> Array:
     """Whether nothing from earlier samples breaks the guarantee: hold time, latched alarms, switching."""
     kept = st.latched.any(axis=1) if s.latch else False
-    return (st.hold == 0) & ~st.too_fast & ~np.asarray(kept)
+    return (st.hold == 0) & ~st.too_fast & ~np.asarray(kept) & s.assures

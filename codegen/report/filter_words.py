@@ -19,24 +19,38 @@ def facts(design, real: str) -> tuple[Fact, ...]:
     scaled = ("the estimate is scaled so that a lasting fault is met exactly while a mode stays",) * bool(cert["post"])
     return (Fact("Estimate", "; ".join([f"{target}{weight}", *scaled])),
             Fact("Energy gain from all unknowns to the error of the estimate", "; ".join(parts)),
-            Fact("Threshold", "guaranteed, not calibrated: the estimate of a plant without fault is followed over "
-                 "every disturbance, input, parameter and mode sequence (peak to peak), with the rounding of the C"))
+            Fact("Threshold", threshold(cert)))
+
+
+def threshold(cert: dict) -> str:
+    """Whether thresholds are guaranteed or calibrated, and what that means."""
+    c = cert.get("calibration")
+    if c is None:
+        return ("guaranteed, not calibrated: the estimate of a plant without fault is followed over "
+                "every disturbance, input, parameter and mode sequence (peak to peak), with the rounding of the C")
+    chance, sure = (words.quantity(words.number(100 * c[name]), "%") for name in ("probability", "confidence"))
+    return (f"calibrated, not guaranteed: from {words.count(c['runs'], 'simulated run')} without fault. In a further "
+            f"run like these a false alarm has a probability of at most {chance}, with {sure} confidence. Runs like "
+            f"these: {'; '.join(c['conditions'])}. “assured” is never set")
 
 
 def tables(design, real: str) -> tuple[Table, ...]:
     """Thresholds by mode once settled, beside what runs without a fault reach."""
     t, plant = design.observer.tables[real], design.plant
     reached = np.array(design.certificate[real]["set_of_both"]["reached"])
-    rows = []
+    calibration, rows = design.certificate[real].get("calibration"), []
+    proved = t.h[-1].astype(float) if calibration is None else np.array(calibration["guaranteed"])
     for q, mode in enumerate(plant.modes):
         for j, fault in enumerate(plant.f):
-            rows.append((mode.name, fault.name, words.quantity(words.at_most(float(t.h[-1, q, j])), fault.unit),
+            own = () if calibration is None else (words.quantity(words.number(float(t.h[-1, q, j])), fault.unit),)
+            rows.append((mode.name, fault.name, *own, words.quantity(words.at_most(float(proved[q, j])), fault.unit),
                          words.quantity(words.number(float(reached[q, j])), fault.unit)))
     notes = (f"Once settled: {words.count(t.lost << t.shift, 'sample')} after a start from anywhere in the declared "
              f"range, {words.count((t.last - t.lost) << t.shift, 'sample')} after one without measurement; before that "
              "the thresholds are higher. The last column is what some fault-free run reaches: a lower threshold would "
              "be a false alarm there.",)
-    head = ("mode", "fault", "#largest estimate without a fault, proved", "#reached by a run")
+    head = ("mode", "fault", *["#threshold, calibrated"] * (calibration is not None),
+            "#largest estimate without a fault, proved", "#reached by a run")
     return (table("Thresholds of the decision", head, rows, notes),)
 
 

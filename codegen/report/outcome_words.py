@@ -29,7 +29,8 @@ def validation_table(outcomes: list[Outcome]) -> Table:
         record = is_record(o)
         rows.append((o.scenario.name, "record" if record else "simulated", words.integer(len(o.trace.status)),
                      verdict(not o.differences, "equal (==)", "DIFFERS: " + ", ".join(o.differences)),
-                     Cell("not known", "num") if record else _none(o.lost), _none(o.false_alarms),
+                     Cell("not known", "num") if record else _none(o.lost),
+                     Cell(f"{words.integer(o.chance)} (none promised)", "num") if o.chance else _none(o.false_alarms),
                      f"{found} of {len(o.episodes)}" if o.episodes else words.NONE,
                      words.share(int(o.trace.assured.sum()), len(o.trace.assured)),
                      verdict(o.passed, "passed", "FAILED")))
@@ -153,7 +154,8 @@ def summary(design, outcome: Outcome) -> str:
     period, steps = design.plant.sample_period, len(outcome.trace.status)
     text = (f"{words.count(steps, 'sample')} ({words.seconds(steps * period)}), "
             f"{'a record' if is_record(outcome) else 'simulated'}.")
-    alarms = words.count(outcome.false_alarms, "false alarm") if outcome.false_alarms else "no false alarm"
+    alarms = outcome.false_alarms + outcome.chance
+    alarms = words.count(alarms, "false alarm") if alarms else "no false alarm"
     if not outcome.episodes:
         return f"{text} No fault, {alarms}."
     faults = words.count(len(outcome.episodes), "fault")

@@ -48,7 +48,10 @@ def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict
     found = [e for o in outcomes for e in o.episodes if e.delay is not None]
     injected = sum(len(o.episodes) for o in outcomes)
     simulated = [o for o in outcomes if not outcome_words.is_record(o)]
-    parts = ["the compiled C agrees with the reference in every bit", "no false alarm"]
+    chance = sum(o.chance for o in outcomes)
+    parts = ["the compiled C agrees with the reference in every bit",
+             f"{words.count(chance, 'sample')} with an alarm without a fault, as calibrated thresholds allow"
+             if chance else "no false alarm"]
     if simulated and bounds_states(design, real):
         parts.insert(1, f"no true state outside its bounds ({words.count(len(simulated), 'simulated scenario')})")
     text = f"In {words.count(len(outcomes), 'scenario')} with {words.count(samples, 'sample')}: {words.listed(parts)}."
@@ -72,9 +75,11 @@ def purpose(design) -> str:
     outputs = words.listed(dict.fromkeys(s.name for s in (*plant.y, *plant.theta) if s.measured))
     if is_filter(design, plant.target.real):
         faults = words.listed(s.name for s in plant.f)
+        assures = design.observer.supervision.assures
+        when = ("only where the estimate cannot be explained without a fault" if assures else
+                "where the estimate exceeds thresholds that were calibrated by simulation")
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
-                f"reads {outputs}, answers with an estimate of {faults}, and raises an alarm only where the estimate "
-                "cannot be explained without a fault.")
+                f"reads {outputs}, answers with an estimate of {faults}, and raises an alarm {when}.")
     if is_bank(design, plant.target.real):
         faults = words.listed([f.name for f in plant.f])
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "

@@ -30,7 +30,9 @@ from .hinf_weights import Weight, weight, weighted
 Array = np.ndarray
 #: Options of ``[observer]``, with what they may be.
 OPTIONS = {"synthesis": ("slack", "projection"), "target": dict, "colour": dict, "order_loss": (0.0, 1.0),
-           "post_scaling": ("none", "steady"), "inputs": ("copy", "filtered"), "set_rows": (4, 400), "within": (0, 50)}
+           "post_scaling": ("none", "steady"), "inputs": ("copy", "filtered"), "set_rows": (4, 400), "within": (0, 50),
+           "threshold": ("guaranteed", "calibrated"), "false_alarm": (0.0, 1.0), "confidence": (0.0, 1.0),
+           "campaign_steps": (10, 100000), "rank": (1, 100)}
 
 
 def inapplicable(plant) -> str | None:

@@ -18,8 +18,9 @@ from __future__ import annotations
 from ..errors import DesignError
 from .mode_tables import check
 
-#: Options of ``[observer]``: oldest age, and samples after which two modes count as not to be told apart.
-OPTIONS = {"ages": (1, 31), "horizon": (4, 400)}
+#: Options of ``[observer]``: oldest age, samples after which two modes count as not to be told apart, and whether what
+#: holds after an alarm or a reset is certified too.
+OPTIONS = {"ages": (1, 31), "horizon": (4, 400), "restart": ("open", "certified")}
 #: Where the plant file says nothing.
 HORIZON = 60
 OLDEST = 31

@@ -17,6 +17,7 @@ from codegen.filters import certify_filter, design_filter
 from codegen.plant.load import load
 from codegen.synthesis import hinf_filter, hinf_projection
 from codegen.synthesis.hinf_analysis import stability_margin
+from codegen.synthesis.hinf_condition import conditioned, is_skewed, unscaled
 from codegen.synthesis.hinf_problem import Block, elementwise, problem_of, repeated
 from codegen.synthesis.hinf_weights import post_scaling, scaled, weight, weighted
 from tests.helpers.filters import farhat
@@ -360,3 +361,25 @@ def test_blocks_hold_what_they_are_made_for():
     M = rng.standard_normal((2, 2)) @ rng.standard_normal((2, 5))
     number = repeated(M, 4)
     np.testing.assert_allclose(number.H @ number.S, np.vstack([M, np.zeros((2, 5))]), atol=1e-12)
+
+
+def test_a_balanced_problem_is_the_same_and_its_multipliers_come_back():
+    """A repeated number of rank two and a full block, both unbalanced by far; an input that is nothing."""
+    rng, problem = np.random.default_rng(0), farhat(False)
+    blocks = (Block(1e3 * rng.normal(size=(3, 2)), 1e-3 * rng.normal(size=(2, 4)), True),
+              Block(1e-4 * rng.normal(size=(3, 1)), 10 * rng.normal(size=(2, 4)), False))
+    m = problem.modes[0]
+    m = replace(m, blocks=tuple(replace(b, S=np.insert(b.S, 3, 0, axis=1)) for b in blocks),
+                **{k: np.insert(getattr(m, k), 1, 1e-17, axis=1) for k in ("E", "F", "Fz")})
+    given = replace(problem, modes=(m,), names=("1",), switching=arbitrary(1))
+    plain, scales = conditioned(given)
+    assert is_skewed(given) and not is_skewed(plain) and plain.modes[0].E.shape == (2, 2)
+    found = [{"T": [[2.0, 0.3], [0.3, 1.0]], "skew": [[0.0, 0.7], [-0.7, 0.0]]}, {"tau": 3.0}]
+    (rows,) = unscaled([found], scales)
+    for old, new, b, c in zip(found, rows, m.blocks, plain.modes[0].blocks):
+        assert np.array_equal(c.H @ c.S, (b.H @ b.S)[:, [0, 1, 2, 4]]) if b.repeated else True
+        assert 0.4 < np.linalg.norm(c.H) / np.linalg.norm(c.S) < 2.5 < np.abs(np.log10(
+            np.linalg.norm(b.H) / np.linalg.norm(b.S)))
+        T, U = (np.array(x["T"]) if "T" in x else x["tau"] * np.eye(2) for x in (old, new))
+        S = b.S[:, [0, 1, 2, 4]]
+        assert np.array_equal(c.S.T @ T @ c.S, S.T @ U @ S) and not np.allclose(T, U)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +18,13 @@ from codegen.certify.switched_gain import check_gain
 from codegen.errors import CertificateError
 from codegen.filters import design_filter
 from codegen.plant.record import DATA_FOLDER
-from codegen.synthesis import hinf_filter
+from codegen.synthesis import fault_filter, hinf_filter
 from tests.helpers.filters import bicycle, vehicle, vehicle_data
+from tests.helpers.tools import need
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from benchmarks import vehicle as benchmark  # noqa: E402
 
 DATA = vehicle_data()
 SPEEDS = list(zip(DATA["filter"]["speeds"], DATA["filter"]["speeds"][1:]))
@@ -69,13 +77,40 @@ def test_first_order_expansion_leaves_real_speeds_outside(low, high, missed):
     assert 100 * (1 - tangent * high**2) == pytest.approx(missed, abs=0.06)
 
 
-@pytest.mark.parametrize("measured", ["steering_unknown", "a_y", "both"])
+@pytest.mark.parametrize("measured", ["steering_unknown", "both"])
 def test_levels_of_the_three_measurement_sets(measured):
     problem, printed = vehicle(measured), DATA["levels"][measured]
     assert hinf_filter.design(problem.nominal).gamma == pytest.approx(printed["nominal"], abs=6e-5)
     found = robust()[1].gamma if measured == "both" else hinf_filter.design(problem).gamma
     # Another cover (of the whole range, not of sampled speeds) than the dossier's.
     assert found == pytest.approx(printed["robust"], rel=2e-3)
+
+
+def test_one_output_from_plant_file_to_board(tmp_path):
+    """All steps of ``benchmarks.vehicle`` on two ranges: certified, C equal to the reference, validated, on a board."""
+    need("arm-none-eabi-gcc", "qemu-system-arm")
+    row = benchmark.whole("a_y", 2, tmp_path / "vehicle", set_rows=8, threshold='"calibrated"', false_alarm=0.1,
+                          confidence=0.9, campaign_steps=100)
+    assert hinf_filter.design(vehicle("a_y").nominal).gamma == pytest.approx(DATA["levels"]["a_y"]["nominal"], abs=6e-5)
+    # Between the levels of three ranges (dossier, other cover) and of an unknown steering.
+    assert DATA["levels"]["a_y"]["robust"] < row.level < DATA["levels"]["steering_unknown"]["robust"]
+    assert 0.9 * row.level < row.reached < row.level
+    assert row.calibrated < 0.1 * row.guaranteed and row.delay is not None and row.flash > 500 and row.instructions > 50
+    table = benchmark.write([replace(row, ranges=3)])
+    assert "| a_y, steering known | 3 | 0.9359 |" in table
+
+
+@pytest.mark.parametrize("measured, inputs, disturbances, outputs", [
+    ("steering_unknown", 0, 4, 1), ("a_y", 1, 3, 1), ("both", 1, 3, 2)])
+def test_plant_files_of_the_three_measurement_sets(measured, inputs, disturbances, outputs):
+    p = benchmark.plant(measured, 4, set_rows=8)
+    assert (p.n_u, p.n_w, p.n_y, p.n_modes) == (inputs, disturbances, outputs, 4)
+    assert fault_filter.inapplicable(p) is None
+    assert p.modes[0].name == "8 to 11.3137 mps" and p.modes[-1].name == "22.6274 to 32 mps"
+    m, other = p.modes[1], benchmark.plant("both", 4, set_rows=8).modes[1]
+    assert np.array_equal(m.A, other.A) and np.array_equal(m.C[0], other.C[0])
+    steering = (m.Bw[:, -1], m.Dw[0, -1]) if measured == "steering_unknown" else (m.B[:, 0], m.D[0, 0])
+    assert np.array_equal(steering[0], m.Bf[:, 0]) and steering[1] == m.Df[0, 0]
 
 
 def test_finer_ranges_lower_the_level():

@@ -123,6 +123,7 @@ def mode_text(car: dict, sizes: dict, period: float, low: float, high: float, me
     parts = {"A": (M[:2, :2], S[:2, :2]), "C": (M[2:, :2], S[2:, :2])}
     wind = np.hstack([M[:2, 3:], np.diag(rest[:2])]), np.hstack([S[:2, 3:], np.zeros((2, 2))])
     direct = np.hstack([M[2:, 3:], np.zeros((1, 2))]), np.hstack([S[2:, 3:], np.zeros((1, 2))])
+    blind = measured == "steering_unknown"
     noise = [[1.0, 0.0, float(rest[2])]]
     into, onto = (M[:2, 2:3], S[:2, 2:3]), (M[2:, 2:3], S[2:, 2:3])
     if measured == "both":
@@ -130,7 +131,10 @@ def mode_text(car: dict, sizes: dict, period: float, low: float, high: float, me
         direct = tuple(np.vstack([a, np.zeros((1, 3))]) for a in direct)
         onto = tuple(np.vstack([a, zero]) for a in onto)
         noise.append([0.0, 1.0, 0.0])
-    parts |= {"B": into, "D": onto, "Bw": wind, "Dw": direct, "Bf": into, "Df": onto}
+    if blind:
+        wind, direct = (tuple(np.hstack(pair) for pair in zip(*sides)) for sides in ((wind, into), (direct, onto)))
+    parts |= {} if blind else {"B": into, "D": onto}
+    parts |= {"Bw": wind, "Dw": direct, "Bf": into, "Df": onto}
     lines = [f"\n[[mode]]\nname = \"{low:g} to {high:g} mps\""]
     lines += [f"{name:<2} = {rows(*value)}" for name, value in parts.items()]
     return "\n".join([*lines, f"Dv = {noise}"])
@@ -148,7 +152,8 @@ def plant_text(car=None, sizes=None, period: float = PERIOD, speeds=SPEEDS, reco
     record : bool
         With the recorded scenario.
     set_rows : int
-    measured : {"both", "a_y"}
+    measured : {"both", "a_y", "steering_unknown"}
+        The last: lateral acceleration alone, and the driver's steering is a disturbance.
 
     Returns
     -------
@@ -165,7 +170,14 @@ def plant_text(car=None, sizes=None, period: float = PERIOD, speeds=SPEEDS, reco
     modes = "\n".join(mode_text(car, sizes, period, low, high, measured) for low, high in zip(speeds, speeds[1:]))
     tail = TAIL.format(one=1 - a, a=a, target=sizes["target"], rows=set_rows, schedule=schedule, u=sizes["steering"],
                        f=sizes["fault"])
-    return f"{head}{modes}\n{tail}{RECORD if record else ''}"
+    text = f"{head}{modes}\n{tail}{RECORD if record else ''}"
+    if measured == "steering_unknown":  # one more disturbance in place of the input
+        driven = f'[{{ name = "steering", unit = "rad", range = [-{sizes["steering"]}, {sizes["steering"]}] }}]'
+        more = driven[1:].replace("range", "bounds")
+        text = text.replace(f"u = {driven}\n", "").replace('{ name = "rest_yaw", bounds = [-1, 1] }]',
+                                                            '{ name = "rest_yaw", bounds = [-1, 1] }, ' + more)
+        text = text.replace(f'u     = ["{sizes["steering"]}*sin(0.02*k)"]\n', "")
+    return text
 
 
 def record_text() -> str:
