@@ -25,4 +25,13 @@ static void plant(bench *b, uint32_t what)
     }
 }
 
+/* Whether the observers are at their start. */
+static int at_start(const T(state) *s)
+{
+    T(state) whole;
+
+    T(reset)(&whole);
+    return (s->wait == whole.wait) && same_bytes(s->a, whole.a, sizeof(whole.a)) && same_bytes(s->z, whole.z, sizeof(whole.z));
+}
+
 #endif

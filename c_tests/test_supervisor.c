@@ -210,10 +210,7 @@ static int starts_again(const T(state) *s)
     return same_bytes(s->box_lo, whole.box_lo, sizeof(whole.box_lo)) && same_bytes(s->alive, whole.alive, sizeof(whole.alive))
         && same_bytes(s->box_hi, whole.box_hi, sizeof(whole.box_hi));
 #elif CASE_BANK
-    T(state) whole;
-
-    T(reset)(&whole);
-    return (s->wait == whole.wait) && same_bytes(s->a, whole.a, sizeof(whole.a)) && same_bytes(s->z, whole.z, sizeof(whole.z));
+    return at_start(s);
 #elif FOLLOWS
     static const uint32_t nothing;
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .certify import bank as settling
-from .certify.exact import Q, up
+from .certify.exact import Q
 from .certify.polytope_detection import check as check_detector
 from .descriptors import problem_and_scaling
 from .detectors import faults_of
@@ -89,7 +89,7 @@ def words(plant: Plant, t: BankTables, cert: dict) -> list[str]:
     """
     c = cert["calibration"]
     sizes = ", ".join(f"{plant.f[k].name} {size:.3g} {plant.f[k].unit}".rstrip()
-                      for k, size in enumerate(isolable(plant, t, cert)))
+                      for k, size in enumerate(settling.isolable(plant, t, cert)))
     return ["while no fault but one acts, and its own observer raises no alarm, no other fault is named",
             f"{t.settle} samples after a start, from anywhere in the range of x, what is left of it in any averaged "
             f"residual is at most {float(settling.SHARE):g} of the threshold",
@@ -98,23 +98,3 @@ def words(plant: Plant, t: BankTables, cert: dict) -> list[str]:
             f"CALIBRATED, not proved: thresholds above the largest level of {c['runs']} fault-free runs, seed "
             f"{c['seed']} ({'; '.join(c['conditions'])}): a further run of this kind raises an alarm with probability "
             f"{c['probability']:g} at most, confidence {c['confidence']:.4g}"]
-
-
-def isolable(plant: Plant, t: BankTables, cert: dict) -> list[float]:
-    """Smallest constant fault of each channel that every other member hears above twice its threshold.
-
-    Parameters
-    ----------
-    plant : Plant
-    t : BankTables
-    cert : dict
-
-    Returns
-    -------
-    sizes : list of float
-        In the units of the faults.
-    """
-    size = np.maximum(*np.abs(plant.limits("f")))
-    size = np.where(np.isfinite(size) & (size > 0), size, 1.0)
-    heard = [2 * np.sqrt(float(b)) / m["beta"] for b, m in zip(t.bound, cert["members"])]
-    return [up(Q(max(h for p, h in enumerate(heard) if p != k) * size[k])) for k in range(plant.n_f)]

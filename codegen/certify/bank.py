@@ -17,7 +17,7 @@ import numpy as np
 from flint import fmpq
 
 from ..errors import CertificateError
-from .exact import Q, eye, leading_failure, product, rational, zeros
+from .exact import Q, eye, leading_failure, product, rational, up, zeros
 from .polytope_detection import level_model
 from .polytope_error import factors
 
@@ -150,3 +150,23 @@ def check(problem, gains, M: Array, proof: dict, start: dict, t) -> None:
         raise CertificateError(f"certificate: after {t.settle} samples the start of member {p} may still be "
                                f"{float(left) ** 0.5:.3g} in its average (found), expected at most "
                                f"{float(SHARE):g} of its threshold {float(t.bound[p]) ** 0.5:.3g}.")
+
+
+def isolable(plant, t, cert: dict) -> list[float]:
+    """Smallest constant fault of each channel that every other member hears above twice its threshold.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : BankTables
+    cert : dict
+
+    Returns
+    -------
+    sizes : list of float
+        In the units of the faults.
+    """
+    size = np.maximum(*np.abs(plant.limits("f")))
+    size = np.where(np.isfinite(size) & (size > 0), size, 1.0)
+    heard = [2 * np.sqrt(float(b)) / m["beta"] for b, m in zip(t.bound, cert["members"])]
+    return [up(Q(max(h for p, h in enumerate(heard) if p != k) * size[k])) for k in range(plant.n_f)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..bank_claims import isolable
+from ..certify.bank import isolable
 from . import words
 from .table import Fact, Folded, Table, table
 

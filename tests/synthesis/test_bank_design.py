@@ -10,8 +10,8 @@ import pytest
 from helpers import banks
 from helpers.descriptors import example, plant
 
-from codegen.bank_claims import check, isolable
-from codegen.certify.bank import left_square
+from codegen.bank_claims import check
+from codegen.certify.bank import isolable, left_square
 from codegen.certify.exact import Q, rational
 from codegen.certify.polytope_error import standard_errors
 from codegen.descriptors import problem_and_scaling
