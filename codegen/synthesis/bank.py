@@ -21,6 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..algebra.pencil import rank
 from .descriptor_problem import DescriptorProblem, Scaling, refusal
 from .hminus_hinf import Faults
 
@@ -64,6 +65,10 @@ def inapplicable(plant) -> str | None:
         if hidden:
             return (f'fault "{hidden[0]}" acts on no output that "{fault.name}" leaves alone, so that nothing tells it '
                     "from that. Declare them as one fault.")
+        left = [i for i in range(plant.n_y) if i not in rows]
+        if rank(np.vstack([p.E, p.C[left]])) < plant.n_x:
+            return (f'without the sensors of "{fault.name}" rank [E; C] is less than the number of states: the outputs '
+                    "that are left do not see an algebraic state. Measure it twice, or leave this fault out.")
     return None
 
 

@@ -182,6 +182,7 @@ def test_what_does_not_apply_is_said(case):
         text = text[:text.index('[[scenario]]\nname  = "three')]
     assert words in inapplicable(loads(text))
     assert inapplicable(plant("dlpv")) is None and "modes" in inapplicable(load("cart"))
+    assert "do not see an algebraic state" in inapplicable(load("bioreactor"))
 
 
 def test_rational_ranges_are_those_of_the_plant():
