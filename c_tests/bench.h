@@ -35,25 +35,25 @@ static const T(real) z_hi[] = CASE_Z_HI;
 static const T(real) x0_lo[] = CASE_X0_LO;
 static const T(real) x0_hi[] = CASE_X0_HI;
 
-/* Whether thresholds come from a table since a start, and nothing starts again while a fault is seen. */
-#define FOLLOWS (CASE_FILTER || CASE_POLYTOPIC)
+/* Whether nothing starts again while a fault is seen: a filter, an observer, or a bank of them. */
+#define FOLLOWS (CASE_FILTER || CASE_POLYTOPIC || CASE_BANK)
 
 /* How many numbers are held against a bound, each with a bit: residuals, or estimates of faults. */
-#if CASE_FILTER
+#if CASE_FILTER || CASE_BANK
 #define CHECKED M(NF)
 #else
 #define CHECKED M(NY)
 #endif
 
-/* What a quiet answer says of its guarantee. */
-#define SURE ((CASE_SLIDING != 0) ? 0U : 1U)
+/* What a quiet answer says of its guarantee: there is none where thresholds are calibrated, or nothing is proved. */
+#define SURE ((CASE_ASSURES != 0) ? 1U : 0U)
 
 /* What y may be, minus the y that was measured; what an estimate may be, minus the estimate. */
 static inline T(real) r_least(const T(out) *out, uint32_t i)
 {
 #if CASE_FILTER
     return -out->f_hat[i] - out->f_bound[i];
-#elif CASE_POINT || CASE_POLYTOPIC
+#elif CASE_POINT || CASE_POLYTOPIC || CASE_BANK
     return -out->r[i] - out->r_bound[i];
 #else
     return out->r_lo[i];
@@ -64,7 +64,7 @@ static inline T(real) r_most(const T(out) *out, uint32_t i)
 {
 #if CASE_FILTER
     return -out->f_hat[i] + out->f_bound[i];
-#elif CASE_POINT || CASE_POLYTOPIC
+#elif CASE_POINT || CASE_POLYTOPIC || CASE_BANK
     return -out->r[i] + out->r_bound[i];
 #else
     return out->r_hi[i];

@@ -120,3 +120,8 @@ static int coasting(void)
 }
 
 #endif
+
+#define RUN_LAW() \
+    RUN(references); \
+    RUN(inputs_are_cut); \
+    RUN(coasting)

@@ -51,11 +51,13 @@ def case(record: dict) -> str:
     numbers |= {"state_bytes": record["state_bytes"], "recover": max(supervision["recover"], 1),
                 "debounce_m": supervision["debounce"][0], "debounce_n": supervision["debounce"][1]}
     flags = {"nu": record["n_u"], "ntheta": record["n_theta"], "latch": supervision["latch"],
+             "assures": supervision.get("assures", True),
              "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members,
              "polytopic": record["family"] == "polytopic", "holds_faults": "faults" in record,
              "boxes": "alive" in members, "sliding": "level" in members,
              "has_frames": "frame_lo" in members,
              "has_origin": "origin" in members, "has_shape": "shape" in members,
+             "bank": record["family"] == "bank",
              "square_shape": record["family"].startswith("ellipsoid"), "signed_shape": record["family"] != "box",
              "told": "mode" in {name for name, _, _ in record["in"]},
              "has_z": "z_lo" in members, "has_mode": "mode" in members, "counts_hold": "hold" in members}
@@ -66,7 +68,7 @@ def case(record: dict) -> str:
                for name, row in record.get("law", {}).items()}
     apart = flags["filter"] or flags["sliding"] or flags["polytopic"]
     counts = [name for name in COUNTS if name in members and not apart]
-    if flags["polytopic"]:
+    if flags["polytopic"] or flags["bank"]:
         values[f"{record['macro']}_MODES"] = "1U"
     if counts:
         values["CASE_COUNTS(s)"] = "{ " + ", ".join(f"&(s)->{name}" for name in counts) + " }"
@@ -91,7 +93,7 @@ def failure(command: list, cwd: Path) -> str:
 
 def compile_and_run(sources: list[Path], flags: list[str], cwd: Path, warnings=WARNINGS) -> str:
     """Compile sources to one program and run it; return what is wrong, or nothing."""
-    wrong = failure(["gcc", "-std=c99", "-ffp-contract=off", *warnings, *flags, *sources, "-o", "a.out"], cwd)
+    wrong = failure(["gcc", "-std=c99", "-ffp-contract=off", *warnings, *flags, *sources, "-o", "a.out", "-lm"], cwd)
     return f"compile: {wrong}" if wrong else failure(["./a.out"], cwd)
 
 

@@ -96,6 +96,8 @@ static int forgets(const T(state) *s)
 #include "filter_ranges.h"
 #elif CASE_POLYTOPIC
 #include "polytopic_ranges.h"
+#elif CASE_BANK
+#include "bank_ranges.h"
 #elif !CASE_POINT
 static int init_and_reset_boxes(void)
 {
@@ -377,15 +379,13 @@ static int spoilt_origin(void)
 
 #if CASE_LAW
 #include "law_ranges.h"
+#else
+#define RUN_LAW()
 #endif
 
 int main(void)
 {
-#if CASE_LAW
-    RUN(references);
-    RUN(inputs_are_cut);
-    RUN(coasting);
-#endif
+    RUN_LAW();
     RUN(spoilt_origin);
     RUN(every_end_of_every_range);
     RUN(init_and_reset_boxes);
@@ -393,5 +393,8 @@ int main(void)
     RUN(framers_at_the_ends);
     RUN(edge_of_an_alarm);
     RUN(spoilt_state);
+#if CASE_BANK
+    RUN(whom_it_blames);
+#endif
     return 0;
 }

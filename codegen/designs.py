@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from . import __version__, filter_designs, polytopic_designs, tracking_designs
+from . import __version__, bank_claims, filter_designs, polytopic_designs, tracking_designs
 from .analysis.detectability import surely_detected
 from .certify import driven_certificate, mode_certificate, set_claims, sliding_claims
 from .certify.claims import check, check_monitor, check_ranges, digest
@@ -16,6 +16,7 @@ from .certify.freeze import limits
 from .errors import CertificateError, PlantError, ResiduaError
 from .observers import (
     FAMILIES,
+    BankTables,
     DrivenTables,
     FilterTables,
     ModeTables,
@@ -199,6 +200,8 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
         return filter_designs.check(plant, t, cert)
     if isinstance(t, PolytopicTables):
         return (polytopic_designs if t.law is None else tracking_designs).check(plant, t, cert)
+    if isinstance(t, BankTables):
+        return bank_claims.check(plant, t, cert)
     claims = (set_claims.check if isinstance(t, PointTables) else check)(plant.observed.modes, t, cert)
     if plant.kind == "continuous":
         claims.append(f"between samples, {plant.sample_period:g} s apart, disturbances and parameters may move as they "

@@ -9,16 +9,18 @@ import numpy as np
 
 from .certify.exact import Q
 from .certify.polytope_detection import check, fault_model, level_model
-from .descriptors import MARGINS, SPARE
+from .descriptors import MARGINS, SPARE, shrinking
 from .errors import CertificateError, DesignError
 from .synthesis import hminus_hinf
-from .synthesis.descriptor_analysis import continuous_level, sensitivity_level
-from .synthesis.descriptor_gains import StandardGains, rounded
+from .synthesis.descriptor_analysis import continuous_level, discrete_level, sensitivity_level
+from .synthesis.descriptor_gains import StandardGains, euler_gains, rounded
 from .synthesis.descriptor_lmi import Bounds
 from .synthesis.descriptor_problem import DescriptorProblem, Scaling, plain, scaled
 from .synthesis.hminus_hinf import Faults
 
 Array = np.ndarray
+#: Share of the decay that Euler steps are asked to keep, in the norm in which the level is proved.
+KEPT = 0.75
 
 
 @dataclass(frozen=True)
@@ -100,27 +102,75 @@ def design_detector(problem: DescriptorProblem, faults: Faults, bounds: Bounds, 
     CertificateError
         The exact check refuses every level.
     """
-    if problem.kind == "discrete":
-        raise DesignError("hminus-hinf: the plant is discrete (found), expected continuous.")
     s = plain(problem) if s is None else s
-    asked = replace(bounds, decay=(1 + SPARE) * bounds.decay / s.time)
-    inside = Faults(s.rows[:, None] * faults.Bf, faults.Df / s.outputs[:, None])
-    found = hminus_hinf.design(scaled(problem, s), inside, asked, criterion, free)
+    found = _found(problem, faults, bounds, criterion, s, free)
     T1, T2 = np.array([s.factor1(T) for T in found.T1]), s.factor2(found.T2)
     gains = StandardGains(*(rounded(M, real) for M in (
         T2, T1 @ problem.A, T1 @ problem.B, np.array([s.gain(k) for k in found.K]), problem.C)))
     M = rounded(found.M / s.outputs, real)
     T1 = T1 if free else T1[:1].reshape(T1.shape[1:])
-    return _certified(problem, faults, gains, M, T1, (criterion, bounds.decay, found.gamma), s)
+    return _certified(problem, faults, gains, M, T1, (criterion, bounds.decay, found.gamma, None), s)
+
+
+def sampled_detector(problem: DescriptorProblem, faults: Faults, bounds: Bounds, period: float,
+                     real: str = "float32", s: Scaling | None = None, free: bool = True) -> CertifiedDetector:
+    """Design for slow faults of a continuous plant, take Euler steps, certify the recursion with the plant by the same.
+
+    Parameters
+    ----------
+    problem : DescriptorProblem
+        Of a continuous plant, in its units.
+    faults : Faults
+    bounds : Bounds
+        Gain in the units of the scaling, decay in the plant's time; its period is not read.
+    period : float
+        Of the firmware.
+    real : {"float32", "float64"}
+    s : Scaling, optional
+    free : bool
+        See ``synthesis.hminus_hinf``.
+
+    Returns
+    -------
+    CertifiedDetector
+        Its gains are those of x_hat = z + T2 y, z+ = sum_j h_j (F_j x_hat + G_j u - K_j r).
+
+    Raises
+    ------
+    DesignError
+        No observer exists within the bounds whose Euler steps contract.
+    CertificateError
+        The exact check refuses every level.
+    """
+    s = plain(problem) if s is None else s
+    found = _found(problem, faults, replace(bounds, period=period), "slow", s, free)
+    gains = euler_gains(problem, found, s, period, real)
+    M, T1 = rounded(found.M / s.outputs, real), np.array([s.factor1(T) for T in found.T1])
+    T1 = T1 if free else T1[:1].reshape(T1.shape[1:])
+    return _certified(problem, faults, gains, M, T1, ("slow", bounds.decay, found.gamma, period), s)
+
+
+def _found(problem, faults, bounds, criterion, s, free) -> hminus_hinf.DetectionDesign:
+    """A design in the units of a scaling, with some room for rounding."""
+    if problem.kind == "discrete":
+        raise DesignError("hminus-hinf: the plant is discrete (found), expected continuous.")
+    period = None if bounds.period is None else (1 + SPARE) * bounds.period * s.time
+    asked = replace(bounds, decay=(1 + SPARE) * bounds.decay / s.time, period=period)
+    inside = Faults(s.rows[:, None] * faults.Bf, faults.Df / s.outputs[:, None])
+    return hminus_hinf.design(scaled(problem, s), inside, asked, criterion, free)
 
 
 def _certified(problem, faults, gains, M, T1, about, s) -> CertifiedDetector:
     """Levels of the rounded constants, checked exactly; the smallest margin that passes is kept."""
-    criterion, decay, designed = about
-    models = level_model(problem, gains, M, T1), fault_model(problem, faults, gains, T1, criterion)
+    criterion, decay, designed, period = about
+    models = (level_model(problem, gains, M, T1, period), fault_model(problem, faults, gains, T1, criterion, period))
     reason = "the solver finds no level for the rounded gains. Try float64, a slower decay or larger gains."
     for margin in MARGINS:
-        level = continuous_level(models[0], s, problem.S, False, decay, None, margin)
+        if period is None:
+            level = continuous_level(models[0], s, problem.S, False, decay, None, margin)
+        else:
+            level = discrete_level(models[0], s, problem.S, 1 - KEPT * decay * period, margin) or discrete_level(
+                models[0], s, problem.S, 1.0, margin)
         fault = sensitivity_level(models[1], M, s, problem.S, margin)
         if level is None or fault is None or fault["level2"] <= 0:
             continue
@@ -131,8 +181,9 @@ def _certified(problem, faults, gains, M, T1, about, s) -> CertifiedDetector:
             gamma = float(np.nextafter(gamma, np.inf))
         while Q(beta) * Q(beta) > Q(fault["level2"]):
             beta = float(np.nextafter(beta, 0.0))
-        proof = {"T1": T1.tolist(), "criterion": criterion, "level": level | {"gamma": gamma, "decay": decay},
-                 "fault": fault | {"beta": beta}}
+        rate = {"decay": decay} if period is None else {"contraction": shrinking(models[0], np.array(level["P1"]))}
+        proof = {"T1": T1.tolist(), "criterion": criterion, "level": level | {"gamma": gamma} | rate,
+                 "fault": fault | {"beta": beta}} | ({} if period is None else {"period": period})
         try:
             claims = check(problem, faults, gains, M, proof)
         except CertificateError as error:

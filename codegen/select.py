@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import filter_designs, modes, points, polytopes, sliding
+from . import banks, filter_designs, modes, points, polytopes, sliding
 from .algebra.dwell import ratio, shortest
 from .analysis.detectability import SureFault, limited, surely_detected
 from .analysis.quick import QuickJudge
@@ -137,6 +137,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     if method and METHODS[method].estimates_mode:
         make = sliding.designed if METHODS[method].family == "sliding" else modes.designed
         return make(plant, method, options, progress)
+    if method and METHODS[method].family == "bank":
+        return banks.designed(plant, method, options, progress)
     if method and METHODS[method].family == "polytopic":
         return polytopes.designed(plant, method, options, progress)
     trials, reasons = [], []

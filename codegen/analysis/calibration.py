@@ -23,7 +23,7 @@ import numpy as np
 
 from ..errors import PlantError
 from ..plant.model import Plant, PlantTrace, Scenario
-from ..plant.simulate import simulate
+from ..plant.simulate import simulate_all
 from .validate import side_by_side
 
 Array = np.ndarray
@@ -268,8 +268,8 @@ def fault_free_runs(plant: Plant, population: Population, runs: int, seed: int =
         mode = own.mode if population.modes == "scenario" else pattern(plant, population.steps, rng)
         asked = replace(own, name="runs without fault", steps=population.steps, mode=mode, w=population.w,
                         v=population.v, theta=population.theta, fault=())
-        out.append(simulate(plant, asked, seed=int(rng.integers(2**63))))
-    return out
+        out.append((asked, int(rng.integers(2**63))))
+    return simulate_all(plant, out)
 
 
 def campaign(design, statistic: Callable[[object, Array], Array], probability: float, wanted: float,

@@ -18,7 +18,7 @@ from itertools import product
 import numpy as np
 
 from ..algebra.dwell import admissible
-from ..observers import FilterTables, PointTables, PolytopicTables
+from ..observers import BankTables, FilterTables, PointTables, PolytopicTables
 from . import filter_detection, point_detection, polytopic_detection, robust
 from .adjoint import ResidualModel, extremes, fault_response
 
@@ -96,6 +96,8 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
     if isinstance(t, PolytopicTables):
         found = polytopic_detection.thresholds(plant, t, within)
         return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
+    if isinstance(t, BankTables):
+        return [SureFault(f.name, f.unit, tuple([np.inf] * (within + 1))) for f in plant.f]
     tails = ultimate_errors(cert)
     infinite = tuple([np.inf] * (within + 1))
     if tails is None or not plant.f:

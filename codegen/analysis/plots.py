@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ..observers import FilterTrace, Trace
+from ..observers import BankTrace, FilterTrace, Trace
 from ..plant.model import Plant, PlantTrace
-from . import filter_panels, panels
+from . import bank_panels, filter_panels, panels
 from .panels import Run
 from .svg import style
 
@@ -69,6 +69,9 @@ def run_figure(run: Run) -> Figure:
 def _outputs(run: Run) -> list[Panel]:
     if isinstance(run.trace, FilterTrace):
         return [(1.75, lambda axis, j=j: filter_panels.estimate(axis, run, j)) for j in range(run.plant.n_f)]
+    if isinstance(run.trace, BankTrace):
+        levels = [(1.55, lambda axis, j=j: bank_panels.level(axis, run, j)) for j in range(run.plant.n_f)]
+        return [*levels, (0.6 + 0.17 * run.plant.n_f, lambda axis: bank_panels.blame(axis, run))]
     return [(1.55, lambda axis, j=j: panels.output(axis, run, j)) for j in range(run.plant.n_y)]
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import EmitError
-from ..observers import FilterTrace, PolytopicTrace
+from ..observers import BankTrace, FilterTrace, PolytopicTrace
 from ..plant.model import Plant, PlantTrace, Scenario
 from . import plots, svg
 from .logs import read_log
@@ -135,21 +135,24 @@ def table(plant: Plant, truth: PlantTrace, trace) -> str:
     text : str
         Columns k, t, x_lo.<state> ..., x_hi.<state> ..., r_lo.<output> ..., r_hi.<output> ..., alarm, latched,
         assured, status; of a filter f_hat.<fault> ..., f_bound.<fault> ... in place of the bounds; of a polytopic
-        observer x_hat.<state> ..., r.<output> ..., r_bound.<output> ...; then the words that only this family has.
-        Every number reads back exactly.
+        observer x_hat.<state> ..., r.<output> ..., r_bound.<output> ...; of a bank r.<fault> ..., r_bound.<fault> ...;
+        then the words that only this family has. Every number reads back exactly.
     """
     names = {"x_lo": plant.x, "x_hi": plant.x, "r_lo": plant.y, "r_hi": plant.y}
     if isinstance(trace, FilterTrace):
         names = {"f_hat": plant.f, "f_bound": plant.f}
     elif isinstance(trace, PolytopicTrace):
         names = {"x_hat": plant.estimated(trace.x_hat.shape[-1]), "r": plant.y, "r_bound": plant.y}
+    elif isinstance(trace, BankTrace):
+        names = {"r": plant.f, "r_bound": plant.f}
     header = ["k", "t", *(f"{field}.{s.name}" for field, signals in names.items() for s in signals),
               "alarm", "latched", "assured", "status",
               *trace.word_names()]
     columns = [column for field in names for column in getattr(trace, field).T]
     cells = [["" if np.isnan(v) else str(v) for v in column] for column in columns]
     flags = [a.astype(int).tolist() for a in (
-        trace.alarm, trace.latched_bits, trace.assured, trace.status, *trace.words())]
+        trace.alarm, trace.latched_bits, trace.assured, trace.status,
+        *(getattr(trace, name) for name in trace.word_names()))]
     steps = range(len(truth.q))
     out = StringIO()
     writer = csv.writer(out, lineterminator="\n")

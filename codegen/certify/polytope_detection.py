@@ -10,6 +10,9 @@ weights move. Where no fault moves the state (Bf = 0), x stays zero and is left 
 Criterion "slow": the same for e = eb - T2 Df f, which obeys it while f stands still. Settled with weights that stand
 still V' is zero, and |M r|^2 >= b |f|^2 at every such moment.
 
+Sampled, by Euler steps of a period: the level is that in discrete time. Of the criteria "slow" remains, with the
+increments (eb+ - eb)/period and E (x+ - x)/period for the derivatives: they too are zero once everything is settled.
+
 Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, (4.25), corrected.
 """
 
@@ -22,7 +25,7 @@ import numpy as np
 from ..errors import CertificateError
 from .exact import Q, eye, product, rational, zeros
 from .polytope_error import ErrorModel, standard_errors
-from .polytope_gain import continuous, refuse, storage
+from .polytope_gain import continuous, discrete, refuse, storage
 
 Array = np.ndarray
 
@@ -49,7 +52,7 @@ class FaultModel:
     moved: bool
 
 
-def level_model(problem, gains, M: Array, T1: Array) -> ErrorModel:
+def level_model(problem, gains, M: Array, T1: Array, period: float | None = None) -> ErrorModel:
     """The error model with z = M r.
 
     Parameters
@@ -60,14 +63,16 @@ def level_model(problem, gains, M: Array, T1: Array) -> ErrorModel:
     M : ndarray (k, p)
         As the firmware holds it.
     T1 : ndarray (h, n, n)
+    period : float, optional
+        The observer is stepped, the plant by Euler steps.
     """
-    model = standard_errors(problem, gains, T1)
+    model = standard_errors(problem, gains, T1, period)
     z = product(rational(M), model.residual)
     n = len(model.E)
     return replace(model, C=z[:, :2 * n], D=z[:, 2 * n:])
 
 
-def fault_model(problem, faults, gains, T1: Array, criterion: str) -> FaultModel:
+def fault_model(problem, faults, gains, T1: Array, criterion: str, period: float | None = None) -> FaultModel:
     """What faults do, for one of the criteria.
 
     Parameters
@@ -78,19 +83,26 @@ def fault_model(problem, faults, gains, T1: Array, criterion: str) -> FaultModel
     gains : StandardGains
     T1 : ndarray (h, n, n)
     criterion : {"all", "slow"}
+    period : float, optional
+        Of Euler steps.
 
     Raises
     ------
     CertificateError
         Another criterion.
     """
-    if criterion not in ("all", "slow"):
-        raise CertificateError(f"certificate: criterion {criterion!r} (found), expected all or slow.")
+    if criterion not in ("all", "slow") or (period is not None and criterion != "slow"):
+        raise CertificateError(f"certificate: criterion {criterion!r} (found), expected all or slow; slow where Euler "
+                               "steps are taken.")
     n, m, n_f = len(problem.E), problem.B.shape[2], faults.Df.shape[1]
     as_input = replace(problem, Bd=faults.Bf, Dd=faults.Df, J=np.zeros((len(problem.H), n_f)), d_unit=np.ones(n_f))
-    model = standard_errors(as_input, gains, T1)
+    model = standard_errors(as_input, gains, T1, period)
     C, D = model.residual[:, :2 * n], model.residual[:, 2 * n + m:]
     pairs = {pair: (A, B[:, m:]) for pair, (A, B) in model.pairs.items()}
+    if period is not None:
+        now = np.concatenate([np.concatenate([eye(n), zeros(n, n)], axis=1),
+                              np.concatenate([zeros(n, n), model.E], axis=1)])
+        pairs = {pair: ((A - now) / Q(period), B / Q(period)) for pair, (A, B) in pairs.items()}
     if criterion == "slow":
         shift = np.concatenate([product(rational(gains.T2), rational(faults.Df)), zeros(n, n_f)])
         pairs = {pair: (A, B + product(A, shift)) for pair, (A, B) in pairs.items()}
@@ -109,7 +121,7 @@ def check(problem, faults, gains, M: Array, proof: dict) -> list[str]:
     M : ndarray (k, p)
     proof : dict
         "T1", "criterion", "level": proof of `polytope_gain.continuous` with "level2", "gamma"; "fault": "level2",
-        "beta", "Y1", and "Y2", "X2" where a fault moves x.
+        "beta", "Y1", and "Y2", "X2" where a fault moves x; with a "period" the level is by `polytope_gain.discrete`.
 
     Returns
     -------
@@ -125,9 +137,11 @@ def check(problem, faults, gains, M: Array, proof: dict) -> list[str]:
     if gamma < 0 or gamma * gamma < Q(level["level2"]) or beta < 0 or beta * beta > Q(fault["level2"]):
         raise CertificateError(f"certificate: gamma {level['gamma']:.9g}, beta {fault['beta']:.9g} (found), expected "
                                "no more than the levels that are proved.")
-    claims = continuous(problem.names, level_model(problem, gains, M, T1), level | {"form": "standard"},
-                        Q(level["level2"]))
-    model = fault_model(problem, faults, gains, T1, proof["criterion"])
+    period = proof.get("period")
+    judge = continuous if period is None else discrete
+    claims = judge(problem.names, level_model(problem, gains, M, T1, period),
+                   level | {"form": "standard", "period": period}, Q(level["level2"]))
+    model = fault_model(problem, faults, gains, T1, proof["criterion"], period)
     weight, n = rational(M), len(model.E)
     _, P1 = storage(eye(n), zeros(n, 0), fault, "1")
     P2 = storage(model.E, model.S, fault, "2")[1] if model.moved else None

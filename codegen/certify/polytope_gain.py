@@ -79,7 +79,7 @@ def check(problem, gains, proof: dict) -> list[str]:
                                "(found), expected gamma^2 at least that.")
     if proof["time"] not in ("continuous", "discrete"):
         raise CertificateError(f"certificate: time {proof['time']!r} (found), expected continuous or discrete.")
-    judge = continuous if proof["time"] == "continuous" else _discrete
+    judge = continuous if proof["time"] == "continuous" else discrete
     claims = judge(problem.names, model, proof, level)
     tied = len(problem.pairs) < len(problem.names) ** 2
     return [f"H-infinity: from rest the energy of z stays below {proof['gamma']:.6g}^2 times that of inputs and "
@@ -123,7 +123,20 @@ def continuous(names, model: ErrorModel, proof: dict, level: fmpq) -> list[str]:
     return claims
 
 
-def _discrete(names, model: ErrorModel, proof: dict, level: fmpq) -> list[str]:
+def discrete(names, model: ErrorModel, proof: dict, level: fmpq) -> list[str]:
+    """Check a level and a contraction in discrete time; return what is said of the contraction.
+
+    Parameters
+    ----------
+    names : sequence of str
+    model : ErrorModel
+    proof : dict
+    level : fmpq
+
+    Raises
+    ------
+    CertificateError
+    """
     P1, P2 = (_positive(proof[key], key, len(model.E)) for key in ("P1", "P2"))
     n, R = len(model.E), rational(np.array(proof["R"], dtype=float).reshape(-1, model.S.shape[1]))
     before = product(product(model.E.T, P2), model.E)

@@ -16,7 +16,7 @@ from random import Random
 
 import numpy as np
 
-from ..observers import FilterObserver, ModeTables, PolytopicTables, SlidingTables, Trace
+from ..observers import BankTables, FilterObserver, ModeTables, PolytopicTables, SlidingTables, Trace
 from .cprint import initialiser, literal
 
 Array = np.ndarray
@@ -230,7 +230,7 @@ class Refusal:
 
 def refusals(t, macro: str) -> tuple[Refusal, ...]:
     """Return one refused call per kind: the next number beyond a range is already too much."""
-    told = not isinstance(t, ModeTables | PolytopicTables | SlidingTables)
+    told = not isinstance(t, ModeTables | PolytopicTables | SlidingTables | BankTables)
     out = [Refusal(f"in.mode = {macro}_MODES;", "in.mode = vectors[0].mode;", "BAD_MODE", "BAD_MODE", 1001)] * told
     for vector, hi, predict, code in (("u", t.u_hi, "BAD_INPUT", 1002), ("y", t.y_hi, "OK", 1003)):
         beyond = np.nextafter(hi, np.array(np.inf, dtype=t.dtype))

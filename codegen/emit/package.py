@@ -102,7 +102,7 @@ def _members(d: DesignView, fields) -> list[list]:
     sizes = {"NX": d.x, "MODES": d.modes, "NU": d.u, "NY": d.y, "NTHETA": d.theta, "BITS": d.bits}
     counts = {f"[{d.macro}_{name}]": len(channels) for name, channels in sizes.items()} | {"": 1}
     counts |= {f"[{d.macro}_{name}]": n for name, n in d.lengths}
-    return [[f.name, "uint32" if f.type == "uint32_t" else "real", counts[f.size]] for f in fields]
+    return [[f.name, "real" if f.type not in ("uint32_t", "int32_t") else "uint32", counts[f.size]] for f in fields]
 
 
 def generate(design, out: str | Path, real: str | None = None, layout: str | None = None) -> Path:

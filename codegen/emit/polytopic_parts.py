@@ -92,7 +92,7 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
     each = f", {1 << t.shift} samples each" if t.shift else ""
     notes = {0: f"/* from anywhere{each} */", t.last: "/* for ever */"}
     table = tuple(line for k, row in enumerate(rows) for line in ([notes[k]] if k in notes else []) + [row])
-    shown = tuple(_statement(f"out->r[{i}]", _terms(row, [f"r[{k}]" for k in range(p)], t.real), t.real)
+    shown = tuple(statement(f"out->r[{i}]", terms_of(row, [f"r[{k}]" for k in range(p)], t.real), t.real)
                   for i, row in enumerate(t.M))
     view = PolytopicView(
         sizes=(Size("NH", f"{len(t.F) + t.known.shape[1]}U",
@@ -103,8 +103,8 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
         libm=("",) * bool(t.weights.count(*LIBM, "sqrt")), reads=f"const {names.prefix}_in *in, " if read else "",
         called="in, " if read else "", idle=() if read or u else ("(void)in;",), varies=("",) * bool(sums["inner"]),
         weights=weight_lines(t.weights, n, t.G.shape[2], t.real, real),
-        estimate=tuple(_statement(f"x_hat[{i}]", terms, t.real) for i, terms in enumerate(sums["x_hat"])),
-        residual=tuple(_statement(f"r[{i}]", terms, t.real) for i, terms in enumerate(sums["r"])), shown=shown,
+        estimate=tuple(statement(f"x_hat[{i}]", terms, t.real) for i, terms in enumerate(sums["x_hat"])),
+        residual=tuple(statement(f"r[{i}]", terms, t.real) for i, terms in enumerate(sums["r"])), shown=shown,
         move=move, thresholds=Table("threshold", f"[{m}_ROWS][{m}_NY]", (), table),
         limits=(vector_table("least", f"{m}_NX", t.z_lo, t.real), vector_table("most", f"{m}_NX", t.z_hi, t.real)),
         row=f"(s->since >> {t.shift}U)" if t.shift else "s->since", unread=() if u or theta else ("in",),
@@ -119,31 +119,53 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
         move=Move("", ""), sets=(view,), told=False)
 
 
-def _terms(row: Array, names: list[str], real: str) -> list[Term]:
+def terms_of(row: Array, names: list[str], real: str) -> list[Term]:
+    """Products of a row with what the names stand for, without those with 0.
+
+    Parameters
+    ----------
+    row : ndarray (n,)
+    names : list of str
+    real : {"float32", "float64"}
+    """
     return [term for c, name in zip(row, names) for term in product(float(c), name, real)]
 
 
-def _statement(target: str, terms: list[Term], real: str) -> str:
-    """One assignment, its sum over several lines where it is long."""
+def statement(target: str, terms: list[Term], real: str) -> str:
+    """One assignment, its sum over several lines where it is long.
+
+    Parameters
+    ----------
+    target : str
+    terms : list of Term
+    real : {"float32", "float64"}
+    """
     return f"{target} = " + "\n        ".join(sum_lines(terms, real)) + ";"
 
 
-def steps(t: PolytopicTables) -> tuple[tuple[str, ...], dict[str, list]]:
+def steps(t: PolytopicTables, outputs: list[str] | None = None, first: int = 0) -> tuple[tuple[str, ...],
+                                                                                       dict[str, list]]:
     """Print z+, and give the terms of x_hat, r and of each part of z+.
 
     Parameters
     ----------
     t : PolytopicTables
+        Or a member of a bank.
+    outputs : list of str, optional
+        What the C calls the outputs.
+    first : int
+        Where its z begins in that of the C.
     """
     real, (p, n), m = t.real, t.C.shape, t.G.shape[2]
     operands = [*(f"x_hat[{k}]" for k in range(n)), *(f"in->u[{k}]" for k in range(m)), *(f"r[{k}]" for k in range(p)),
                 *(f"h[{k}]" for k in range(len(t.F), len(t.F) + t.known.shape[1]))]
+    outputs = outputs or [f"y[{k}]" for k in range(p)]
 
     def terms(row: Array, names: list[str]) -> list[Term]:
-        return _terms(row, names, real)
+        return terms_of(row, names, real)
 
-    x_hat = [[("+", f"s->z[{i}]"), *terms(t.T2[i], [f"y[{k}]" for k in range(p)])] for i in range(n)]
-    r = [[("+", f"y[{i}]"), *terms(-t.C[i], operands[:n])] for i in range(p)]
+    x_hat = [[("+", f"s->z[{first + i}]"), *terms(t.T2[i], outputs)] for i in range(n)]
+    r = [[("+", outputs[i]), *terms(-t.C[i], operands[:n])] for i in range(p)]
     lines, inner, outer = [], [], []
     for i in range(n):
         row = terms(np.where(t.shared[i], t.gains[0, i], 0), operands)
@@ -151,10 +173,10 @@ def steps(t: PolytopicTables) -> tuple[tuple[str, ...], dict[str, list]]:
             own = terms(np.where(t.shared[i], 0, M[i]), operands)
             if own:
                 inner.append(own)
-                lines.append(_statement(f"v[{j}]", own, real))
+                lines.append(statement(f"v[{j}]", own, real))
                 row.append(("+", f"(h[{j}] * v[{j}])"))
         outer.append(row)
-        lines.append(_statement(f"s->z[{i}]", row, real))
+        lines.append(statement(f"s->z[{first + i}]", row, real))
     return tuple(lines), {"x_hat": x_hat, "r": r, "inner": inner, "outer": outer}
 
 
@@ -163,7 +185,7 @@ def _operations(t: PolytopicTables, parts: dict[str, list]) -> Operations:
     counts = [count_operations(terms) for key in parts for terms in parts[key]]
     multiply, add = (sum(c[k] for c in counts) for k in (0, 1))
     w = t.weights
-    weighted = [count_operations(_terms(row, ["r"] * len(row), t.real)) for row in t.M] if t.weighted else []
+    weighted = [count_operations(terms_of(row, ["r"] * len(row), t.real)) for row in t.M] if t.weighted else []
     multiply, add = multiply + sum(a for a, _ in weighted), add + sum(b for _, b in weighted)
     # Ranges of what comes in and of z, thresholds and the signs of what they are compared with.
     ranges = 2 * (len(t.u_lo) + len(t.y_lo) + len(t.theta_lo) + len(t.z_lo) + len(t.M))

@@ -11,8 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import EmitError
-from ..observers import DrivenTables, FilterTables, ModeTables, PointTables, PolytopicTables, SlidingTables
+from ..observers import (
+    BankTables,
+    DrivenTables,
+    FilterTables,
+    ModeTables,
+    PointTables,
+    PolytopicTables,
+    SlidingTables,
+)
 from . import (
+    bank_parts,
     driven_parts,
     families,
     filter_parts,
@@ -212,6 +221,8 @@ def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
         faults = manual.channels(design.plant.f, *(side.astype(t.dtype) for side in design.plant.limits("f")), t.real,
                                  "f_hat")
         return filter_parts.parts(t, s, names, signals, layout, faults)
+    if isinstance(t, BankTables):
+        return bank_parts.parts(t, s, names, signals, tuple(f.name for f in design.plant.f))
     if isinstance(t, PolytopicTables):
         return polytopic_parts.parts(t, s, names, signals)
     make = (driven_parts.parts if isinstance(t, DrivenTables) else mode_parts.parts if isinstance(t, ModeTables) else

@@ -151,6 +151,7 @@ def own_words(record: dict) -> tuple[str, ...]:
 START = ("x_lo", "x_hi", "z_lo", "z_hi", "x_hat", "shape", "box_lo", "box_hi")
 ALWAYS = ("x_hat", "x_lo", "x_hi")
 MEASURED = ("r_lo", "r_hi", "r", "r_bound", "f_hat", "f_bound")
-WORDS = ("mode", "mode_set", "settled_set", "candidate", "age", "inside", "settled")
+WORDS = ("mode", "mode_set", "settled_set", "candidate", "age", "inside", "settled", "isolated", "ready", "raised")
 VECTORS = frozenset({*START, *ALWAYS, *MEASURED, "u", "y", "theta", "history", "xi", "alive", "z", "shown_lo",
-                     "shown_hi", "frame_lo", "frame_hi", "twist_lo", "twist_hi", "rate_lo", "rate_hi", "level"})
+                     "shown_hi", "frame_lo", "frame_hi", "twist_lo", "twist_hi", "rate_lo", "rate_hi", "level", "a",
+                     "left"})

@@ -1,5 +1,6 @@
 """Run-time families: one recursion per file, the numpy step that the C must equal bit for bit."""
 
+from .bank import BankObserver, BankTables, BankTrace
 from .blocks import BlockObserver, BlockTables
 from .box import BoxObserver, BoxTables
 from .coordinates import Coordinates
@@ -28,12 +29,12 @@ FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": Zonoto
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
             "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
             "filter": FilterObserver, "mode": ModeObserver, "driven": DrivenObserver, "polytopic": PolytopicObserver,
-            "sliding": SlidingObserver}
+            "bank": BankObserver, "sliding": SlidingObserver}
 
-__all__ = ["FAMILIES", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables", "Coordinates", "DrivenObserver",
-           "DrivenTables", "EllipsoidObserver", "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver",
-           "FilterTables", "FilterTrace", "FramerTables", "IntervalObserver", "ModeObserver", "ModeTables",
-           "ModeTrace", "PointObserver", "PointTables", "PointTrace", "PolytopicObserver", "PolytopicTables",
-           "PolytopicTrace", "Runner", "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables",
-           "SlidingTrace", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables",
-           "Variation", "ZonotopeObserver", "ZonotopeTables"]
+__all__ = ["FAMILIES", "BankObserver", "BankTables", "BankTrace", "BlockObserver", "BlockTables", "BoxObserver",
+           "BoxTables", "Coordinates", "DrivenObserver", "DrivenTables", "EllipsoidObserver", "EllipsoidTables",
+           "EllipsoidTraceObserver", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables",
+           "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
+           "PolytopicObserver", "PolytopicTables", "PolytopicTrace", "Runner", "ScheduleObserver", "ScheduleTables",
+           "SlidingObserver", "SlidingTables", "SlidingTrace", "Supervision", "ThresholdObserver", "ThresholdTables",
+           "TnlObserver", "Trace", "TraceTables", "Variation", "ZonotopeObserver", "ZonotopeTables"]

@@ -155,8 +155,8 @@ def simulated(
     dense_plant, dense = replace(plant, sample_period=h), replace(scenario, steps=steps * pieces + 1)
     theta = (scheduling(dense_plant, dense, rng, None, pieces) if theta is None else
              np.repeat(given_theta(plant, theta, steps), pieces, axis=0))
-    w = disturbances(dense_plant, dense, "w", *_rows(plant, "w", dense.steps), rng, pieces)
-    v = disturbances(plant, scenario, "v", *_rows(plant, "v", steps), rng)
+    w = disturbances(dense_plant, dense, "w", *rows_of(plant, "w", dense.steps), rng, pieces)
+    v = disturbances(plant, scenario, "v", *rows_of(plant, "v", steps), rng)
     ends = np.vstack([u[1:], u[-1:]])
     held = np.array([s.rate == 0 for s in plant.u], dtype=bool)
     x, state = np.empty((steps, plant.n_x)), initial_state(plant, scenario, rng)
@@ -179,6 +179,14 @@ def simulated(
                       w=w[::pieces][:steps], v=v, f=f)
 
 
-def _rows(plant: Plant, vector: str, steps: int) -> tuple[Array, Array]:
+def rows_of(plant: Plant, vector: str, steps: int) -> tuple[Array, Array]:
+    """Limits of a vector, one row per sample.
+
+    Parameters
+    ----------
+    plant : Plant
+    vector : str
+    steps : int
+    """
     lo, hi = plant.limits(vector)
     return np.tile(lo, (steps, 1)), np.tile(hi, (steps, 1))

@@ -7,6 +7,7 @@ Polytopic plants are in ``descriptor``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from codegen.errors import PlantError
 from codegen.plant import descriptor
 from codegen.plant.continuous import PIECES, advance, fine
+from codegen.plant.descriptor_many import simulate_many
 from codegen.plant.excitation import disturbances, faults, given_theta, initial_state, inputs, jumps, scheduling
 from codegen.plant.messages import unknown
 from codegen.plant.model import Array, Mode, Plant, PlantTrace, Scenario
@@ -60,6 +62,31 @@ def simulate(
         return _simulated(plant, chosen, record, theta, rng)
     except PlantError as error:
         raise PlantError(f"{place}: {error}") from None
+
+
+def simulate_all(plant: Plant, runs: Sequence[tuple[Scenario, int]]) -> list[PlantTrace]:
+    """Run scenarios of one length without records, each with its seed, as `simulate` does one by one.
+
+    Parameters
+    ----------
+    plant : Plant
+    runs : sequence of (Scenario, int)
+
+    Returns
+    -------
+    traces : list of PlantTrace
+
+    Raises
+    ------
+    PlantError
+        As `simulate`.
+    """
+    if plant.polytope is None or any(s.error for s in plant.theta):
+        return [simulate(plant, scenario, seed=seed) for scenario, seed in runs]
+    try:
+        return simulate_many(plant, runs)
+    except PlantError as error:
+        raise PlantError(f"{plant.name}: scenarios.{runs[0][0].name}: {error}") from None
 
 
 def range_violations(plant: Plant, trace: PlantTrace) -> list[str]:

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..analysis.detectability import limited, ultimate_errors
 from ..certify.claims import ultimate_width
-from ..observers import FilterTables, PointTables, PolytopicTables
-from . import filter_words, mode_words, parameter_words, polytopic_words, sliding_words, words
+from ..observers import BankTables, FilterTables, PointTables, PolytopicTables
+from . import bank_words, filter_words, mode_words, parameter_words, polytopic_words, sliding_words, words
 from .plant_words import reach
 from .table import Cell, Fact, Folded, Row, Table, table
 
@@ -70,7 +70,7 @@ def proved_switching(cert: dict) -> str:
         return mode_words.switching(cert)
     if cert["kind"] == "sliding":
         return sliding_words.switching(cert)
-    if cert["kind"] == "polytopic":
+    if cert["kind"] in ("polytopic", "bank"):
         return "any weights of the vertices, as they move with the state and as the estimate takes them"
     if cert["kind"] == "filter" and cert["dwell_add"]:
         tau, chatter = cert["dwell_add"] / cert["dwell_drain"], cert["dwell_limit"] / cert["dwell_add"]
@@ -91,6 +91,7 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
     criterion = design.options.get("criterion", "")
     own = filter_words.facts(design, real) if is_filter(design, real) else ()
     own = polytopic_words.facts(design, real) if is_polytopic(design, real) else own
+    own = bank_words.facts(design, real) if is_bank(design, real) else own
     tried = words.count(len(design.choice), "certified design")
     if "gains" in design.options:
         why = "the gains were given in the plant file; they were certified, not chosen"
@@ -98,7 +99,7 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
         why = sliding_words.CRITERION
     elif design.certificate[real]["kind"] == "mode" and "told" not in design.certificate[real]:
         why = "there is nothing to choose but how many ages are told apart: the fewest that can be certified"
-    elif is_polytopic(design, real):
+    elif is_polytopic(design, real) or is_bank(design, real):
         why = "there is one design: the lowest level within the bounds of gain and decay"
     elif not design.plant.f and not criterion:
         why = f"of {tried}, the narrowest was kept: there is no fault channel"
@@ -168,6 +169,8 @@ def _bounds(design, real: str) -> tuple[Table, ...]:
         return sliding_words.tables(design, real)
     if is_polytopic(design, real):
         return polytopic_words.tables(design, real)
+    if is_bank(design, real):
+        return bank_words.tables(design, real)
     width = settled_width(design, real)
     if width is None:
         return mode_words.delays(design, real)
@@ -225,7 +228,8 @@ def _not_guaranteed(design, real: str) -> tuple[str, ...]:
     debounce, point = design.observer.supervision.debounce, is_point(design, real)
     items = ["That a fault below the thresholds is found. It may be, or may not.",
              *(_FILTER_LIMITS if is_filter(design, real) else polytopic_words.LIMITS if is_polytopic(design, real)
-               else sliding_words.NOT_GUARANTEED if is_unproved(design, real) else _limits(design, point)),
+               else sliding_words.NOT_GUARANTEED if is_unproved(design, real)
+               else bank_words.LIMITS if is_bank(design, real) else _limits(design, point)),
              "Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
              "with the observer settled before it.", *parameter_words.not_guaranteed(design.plant)]
     if debounce != (1, 1):
@@ -251,9 +255,14 @@ def is_polytopic(design, real: str) -> bool:
     return isinstance(design.observer.tables[real], PolytopicTables)
 
 
+def is_bank(design, real: str) -> bool:
+    """Whether the firmware is a bank of observers, without bounds of the state."""
+    return isinstance(design.observer.tables[real], BankTables)
+
+
 def bounds_states(design, real: str) -> bool:
     """Whether the firmware answers with bounds of the state."""
-    return not (is_filter(design, real) or is_polytopic(design, real))
+    return not (is_filter(design, real) or is_polytopic(design, real) or is_bank(design, real))
 
 
 def varies(design, real: str) -> bool:

@@ -8,8 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
-from ..observers import DrivenTables, FilterTables, ModeTables, PointTables, PolytopicTables, SlidingTables
-from . import filter_words, mode_words, point_words, polytopic_words, sliding_words, words
+from ..observers import (
+    BankTables,
+    DrivenTables,
+    FilterTables,
+    ModeTables,
+    PointTables,
+    PolytopicTables,
+    SlidingTables,
+)
+from . import bank_words, filter_words, mode_words, point_words, polytopic_words, sliding_words, words
 from .table import Fact, Folded, Link, Table, table
 
 FILES = {
@@ -101,6 +109,8 @@ def gains(design, real: str) -> tuple[Folded, ...]:
         return sliding_words.gains(design, real, _matrix)
     if isinstance(t, FilterTables):
         return filter_words.gains(design, real, _matrix)
+    if isinstance(t, BankTables):
+        return bank_words.gains(design, real, _matrix)
     if isinstance(t, PolytopicTables):
         return polytopic_words.gains(design, real, _matrix)
     if isinstance(t, PointTables):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..analysis.validate import Outcome
 from . import firmware_words, outcome_words, words
-from .design_words import bounds_states, is_filter, is_polytopic, is_unproved
+from .design_words import bounds_states, is_bank, is_filter, is_polytopic, is_unproved
 from .table import Fact
 
 
@@ -86,6 +86,10 @@ def purpose(design) -> str:
         modes = words.listed(m.name for m in plant.modes)
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
                 f"reads {outputs} and decides which of the modes {modes} is active, without a guarantee.")
+    if is_bank(design, plant.target.real):
+        faults = words.listed([f.name for f in plant.f])
+        return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
+                f"reads {outputs}, and names the fault that is to blame, if one of {faults} is.")
     states = words.listed(s.name for s in plant.x)
     if is_polytopic(design, plant.target.real):
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "

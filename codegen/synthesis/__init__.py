@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from types import ModuleType
 
 from . import (
+    bank,
     component_interval,
     descriptor_discrete,
     descriptor_error,
@@ -59,7 +60,7 @@ class Method:
     @property
     def sets(self) -> bool:
         """Whether it is an estimate with an error set, which the options ``SETS`` choose."""
-        return not (self.framers or self.estimates_mode or self.family in ("filter", "polytopic"))
+        return not (self.framers or self.estimates_mode or self.family in ("filter", "polytopic", "bank"))
 
     @property
     def estimates_mode(self) -> bool:
@@ -117,6 +118,9 @@ METHODS = {
     "tracking": Method(("continuous polytopic, E = I",), "polytopic",
                        "detection observer and tracking law with integral action, as one unit",
                        "Lopez-Estrada (2014), Theorems C.1.1, C.1.2", tracking, automatic=False),
+    "bank": Method(("continuous polytopic descriptor",), "bank",
+                   "one detection observer per sensor fault: tells which",
+                   "Lopez-Estrada (2014), sections 3.6 and 4.3", bank, automatic=False),
     "mode-set": Method(("switched, mode unknown",), "mode", "the modes that are still possible",
                        "own; task of Zammali (2020), chapter 4", mode_set, automatic=False),
     "mode-sliding": Method(("continuous switched, mode unknown",), "sliding", "the mode by super-twisting, unproved",

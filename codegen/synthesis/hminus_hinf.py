@@ -33,7 +33,7 @@ import numpy as np
 
 from ..errors import DesignError
 from . import descriptor_problem
-from .descriptor_lmi import MARGIN, Bounds, Storage, assembled, he, minus, negative, solve
+from .descriptor_lmi import MARGIN, Bounds, Storage, assembled, euler, he, minus, negative, solve
 from .descriptor_problem import DescriptorProblem, factors, visible
 from .descriptor_uncertain import INVISIBLE, hints
 
@@ -133,6 +133,8 @@ def design(problem: DescriptorProblem, faults: Faults, bounds: Bounds, criterion
     for A, q, T in zip(problem.A, Q, PT):
         PN = T @ A + q @ problem.C
         conditions += [cp.sigma_max(q) <= bounds.gain * unit, he(PN) + 2 * bounds.decay * P1 << 0]
+        if bounds.period is not None:
+            conditions.append(euler(P1, PN, bounds.period))
     for i, j in problem.pairs:
         conditions.append(negative(_level(problem, i, j, (PT[j], T2), Q[j], plant.P, V, level)))
         M = assembled(_sensitivity(problem, faults, i, j, (PT[j], T2), Q[j], plant.P, V, criterion))

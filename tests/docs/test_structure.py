@@ -24,7 +24,7 @@ ALLOWED = {
     "emit": {"observers", "target", "certify"},  # the Gappa script: what offsets leave for rounding
     "host": {"observers", "emit", "target"},  # its batch glue is a template like the rest of the C
     # Reads back what emit printed; what a filter's certificate is about stands above the rooms.
-    "assurance": {"analysis", "certify", "emit", "target", "filter_designs"},
+    "assurance": {"plant", "analysis", "certify", "emit", "target", "filter_designs"},
     "report": {"observers", "plant", "analysis", "emit", "certify"},
 }
 

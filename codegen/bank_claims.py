@@ -1,0 +1,100 @@
+"""What is proved of a bank, and what is only calibrated: its certificate, checked again in exact arithmetic."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .certify import bank as settling
+from .certify.exact import Q
+from .certify.polytope_detection import check as check_detector
+from .descriptors import problem_and_scaling
+from .detectors import faults_of
+from .errors import CertificateError
+from .observers.bank import BankTables
+from .plant.model import Plant
+from .synthesis.bank import member
+from .synthesis.descriptor_gains import StandardGains
+
+
+def check(plant: Plant, t: BankTables, cert: dict) -> list[str]:
+    """Re-check a certificate in exact arithmetic; return what is proved, one sentence per claim.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : BankTables
+    cert : dict
+
+    Raises
+    ------
+    CertificateError
+        Naming the member.
+    """
+    problem, s = problem_and_scaling(plant)
+    faults, claims = faults_of(plant), []
+    if len(t.members) != plant.n_f or len(cert["members"]) != plant.n_f:
+        raise CertificateError(f"certificate: {len(t.members)} members (found), expected {plant.n_f}, one per fault.")
+    if not np.all(np.isfinite(t.bound)) or cert["calibration"]["runs"] < 1:
+        raise CertificateError("certificate: the thresholds rest on no campaign.")
+    for k, (own, stored, fault) in enumerate(zip(t.members, cert["members"], plant.f)):
+        seen, task, others, _ = member(plant, problem, faults, s, k)
+        if own.seen.tolist() != seen.tolist():
+            raise CertificateError(f'certificate: the observer of "{fault.name}" reads outputs {own.seen.tolist()} '
+                                   f"(found), expected {seen.tolist()}: those that this fault leaves alone.")
+        gains = StandardGains(*(getattr(own, key).astype(float) for key in ("T2", "F", "G", "K", "C")))
+        proof, M = stored["proof"], own.M.astype(float)
+        if proof.get("period") != plant.sample_period or Q(proof["level"]["gamma"]) > Q(stored["gamma"]) or Q(
+                proof["fault"]["beta"]) < Q(stored["beta"]):
+            raise CertificateError(f'certificate: period or levels of the observer of "{fault.name}" are not those '
+                                   "that are proved.")
+        try:
+            check_detector(task, others, gains, M, proof)
+            if stored["start"]["member"] != k:
+                raise CertificateError("certificate: the start is another member's.")
+            settling.check(task, gains, M, proof, stored["start"], t)
+        except CertificateError as error:
+            raise CertificateError(f'{error} (observer without the sensors of "{fault.name}")') from None
+        claims.append(member_words(plant, t, cert, k))
+    return [*claims, *words(plant, t, cert)]
+
+
+def member_words(plant: Plant, t: BankTables, cert: dict, k: int) -> str:
+    """What is proved of one member.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : BankTables
+    cert : dict
+    k : int
+    """
+    own = cert["members"][k]
+    read = ", ".join(plant.y[i].name for i in t.members[k].seen)
+    name, shrinks = plant.f[k].name, own["proof"]["level"]["contraction"]
+    return (f"observer without the sensors of {name}: reads {read} alone, so that {name} cannot move it; the energy of "
+            f"its weighted residual stays below {own['gamma']:.5g}^2 times that of inputs and disturbances in units of "
+            f"their bounds (from rest, no fault); constant other faults f, in units of their ranges, settle to a "
+            f"residual of at least {own['beta']:.5g} |f| while the weights stand still; its error shrinks by "
+            f"{shrinks:.6g} per sample; the plant by Euler steps of {plant.sample_period:g} s")
+
+
+def words(plant: Plant, t: BankTables, cert: dict) -> list[str]:
+    """What is said of the bank: proved of its logic, and calibrated.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : BankTables
+    cert : dict
+    """
+    c = cert["calibration"]
+    sizes = ", ".join(f"{plant.f[k].name} {size:.3g} {plant.f[k].unit}".rstrip()
+                      for k, size in enumerate(settling.isolable(plant, t, cert)))
+    return ["while no fault but one acts, and its own observer raises no alarm, no other fault is named",
+            f"{t.settle} samples after a start, from anywhere in the range of x, what is left of it in any averaged "
+            f"residual is at most {float(settling.SHARE):g} of the threshold",
+            f"constant faults of at least this size are named once settled, while the weights stand still and "
+            f"disturbances add no more than a threshold: {sizes}",
+            f"CALIBRATED, not proved: thresholds above the largest level of {c['runs']} fault-free runs, seed "
+            f"{c['seed']} ({'; '.join(c['conditions'])}): a further run of this kind raises an alarm with probability "
+            f"{c['probability']:g} at most, confidence {c['confidence']:.4g}"]

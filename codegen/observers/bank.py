@@ -1,0 +1,391 @@
+r"""Run-time family "bank": one polytopic observer per fault, each without the sensors of its fault; who is to blame.
+
+Member p has outputs of its own choice, y_p, and answers at every measured sample::
+
+    1  x_hat = z + T2 y_p,  r = y_p - C x_hat,  z+ = sum_j h_j (F_j x_hat + G_j u - K_j r)     ``polytopic``
+    2  a    += rate (M r - a)                    moving average of the weighted residual
+    3  level = a' a                              over ``bound``: something is wrong that member p sees
+
+A fault of the sensors that member p does not read leaves it alone, exactly, and moves the others. So fault p is
+isolated where all members but p are raised. A member counts as raised for ``keep`` samples after its last alarm: a
+fault that changes its sign would else drop out at every zero. Any other pattern is ambiguous, and names nobody.
+
+The members start at z0 when the plant may be anywhere in its range; for ``settle`` samples they say nothing. At
+``<p>_init`` the plant is in its initial box, and ``begin`` samples are enough.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, fields
+from functools import cached_property
+from random import Random
+
+import numpy as np
+
+from ..algebra.program import Operation, Program
+from .point import plain
+from .polytopic_step import step, summed
+from .runner import Runner, pack
+from .supervisor import SupervisorState, judge
+from .thresholds import refuse
+from .trace import Rows
+
+Array = np.ndarray
+#: Answer of a bank that blames nobody.
+NOBODY = -1
+
+
+@dataclass(frozen=True)
+class Member:
+    """One observer of the bank; h vertices on the first axis.
+
+    Parameters
+    ----------
+    seen : ndarray (p,) int
+        Which outputs it reads.
+    T2 : ndarray (n, p), C : ndarray (p, n)
+    F : ndarray (h, n, n), G : ndarray (h, n, m), K : ndarray (h, n, p)
+    M : ndarray (k, p)
+        Weight of the residual.
+    z0 : ndarray (n,)
+        Start of z.
+    weights : Program
+        Those of the bank.
+    """
+
+    seen: Array
+    T2: Array
+    C: Array
+    F: Array
+    G: Array
+    K: Array
+    M: Array
+    z0: Array
+    weights: Program
+
+    @property
+    def real(self) -> str:
+        """The type of its numbers."""
+        return self.T2.dtype.name
+
+    @property
+    def known(self) -> Array:
+        """Factors of known terms (``PolytopicTables``): a bank has none (n, 0)."""
+        return self.T2[:, :0]
+
+    @cached_property
+    def gains(self) -> Array:
+        """F, G and -K side by side (h, n, n + m + p): factors of (x_hat, u, r)."""
+        return np.concatenate([self.F, self.G, -self.K], axis=2)
+
+    @cached_property
+    def shared(self) -> Array:
+        """Entries of `gains` that are the same at all vertices (n, n + m + p)."""
+        return np.all(self.gains == self.gains[0], axis=0)
+
+
+#: Matrices of a member, as design.json names them.
+MATRICES = ("T2", "C", "F", "G", "K", "M", "z0")
+
+
+@dataclass(frozen=True)
+class BankTables:
+    """The numbers that the C holds (float32 or float64).
+
+    Parameters
+    ----------
+    real : {"float32", "float64"}
+    members : tuple of Member
+        One per fault, in the order of the faults.
+    bound : ndarray (P,)
+        Largest level that is no alarm.
+    rate : float
+        Of the moving averages, in (0, 1].
+    settle, begin : int
+        Samples after a start from anywhere, and after one from the initial box, that are not judged.
+    keep : int
+        Samples for which a member stays raised after an alarm, at least 1.
+    weights : Program
+        h weights and whether they are in force, of x_hat, u, theta.
+    x_lo, x_hi, x0_lo, x0_hi : ndarray (n,)
+        Declared range and initial box.
+    u_lo, u_hi : ndarray (m,), y_lo, y_hi : ndarray (n_y,)
+        What the input check accepts.
+    """
+
+    real: str
+    members: tuple[Member, ...]
+    bound: Array
+    rate: float
+    settle: int
+    begin: int
+    keep: int
+    weights: Program
+    x_lo: Array
+    x_hi: Array
+    x0_lo: Array
+    x0_hi: Array
+    u_lo: Array
+    u_hi: Array
+    y_lo: Array
+    y_hi: Array
+
+    #: No parameters, no other coordinates (``FramerTables``); nothing is cut to the declared range.
+    vary = change = None
+    clamp = signed = False
+
+    @property
+    def A(self) -> Array:
+        """One mode."""
+        return np.zeros((1, len(self.x_lo), len(self.x_lo)))
+
+    @property
+    def box(self) -> Array:
+        """Bounds of x: the declared range."""
+        return self.x_hi
+
+    @property
+    def dtype(self) -> np.dtype:
+        """The numpy type of the tables."""
+        return np.dtype(self.real)
+
+    @property
+    def incidence(self) -> Array:
+        """Which members (columns) a fault (rows) raises (P, P): all but its own."""
+        return ~np.eye(len(self.members), dtype=bool)
+
+    def to_dict(self) -> dict:
+        """Return plain lists and numbers for design.json; every float is exact."""
+        w = self.weights
+        own = {"members": [{"seen": [int(k) for k in m.seen]} | {key: plain(getattr(m, key)) for key in MATRICES}
+                           for m in self.members],
+               "weights": {"inputs": w.inputs, "constants": list(w.constants), "results": list(w.results),
+                           "operations": [[op.name, *op.args] for op in w.operations]}}
+        return {f.name: own.get(f.name, plain(getattr(self, f.name))) for f in fields(self)}
+
+    @classmethod
+    def from_dict(cls, data: dict, sizes: tuple[int, int, int, int]) -> BankTables:
+        """Rebuild from ``to_dict``; ``sizes`` is (n_modes, n_x, n_u, n_y)."""
+        _, n, m, n_y = sizes
+        w, dtype = data["weights"], np.dtype(data["real"])
+        weights = Program(int(w["inputs"]), tuple(w["constants"]),
+                          tuple(Operation(name, tuple(args)) for name, *args in w["operations"]), tuple(w["results"]))
+
+        def array(values, shape):
+            return np.array(values, dtype=np.float64).reshape(shape).astype(dtype)
+
+        members = []
+        for own in data["members"]:
+            h, p = len(own["F"]), len(own["seen"])
+            shapes = {"T2": (n, p), "C": (p, n), "F": (h, n, n), "G": (h, n, m), "K": (h, n, p), "M": (-1, p),
+                      "z0": (n,)}
+            members.append(Member(np.array(own["seen"], dtype=int), weights=weights,
+                                  **{key: array(own[key], shapes[key]) for key in MATRICES}))
+        lengths = {"x": n, "x0": n, "u": m, "y": n_y}
+        ranges = {f"{v}_{end}": array(data[f"{v}_{end}"], (k,)) for v, k in lengths.items() for end in ("lo", "hi")}
+        return cls(data["real"], tuple(members), array(data["bound"], (len(members),)), float(data["rate"]),
+                   int(data["settle"]), int(data["begin"]), int(data["keep"]), weights, **ranges)
+
+
+@dataclass(frozen=True)
+class BankTrace(Rows):
+    """Answers of a bank; row k is what it says at sample k.
+
+    Parameters
+    ----------
+    r : ndarray (K, P)
+        Level of each member: square of the norm of its averaged, weighted residual; NaN without a measurement.
+    r_bound : ndarray (K, P)
+        Largest level that is no alarm.
+    alarm, alarm_bits, latched_bits, raw_bits, assured, status
+        As in ``Trace``; bit p is member p.
+    isolated : ndarray (K,) int32
+        The fault channel that is to blame, -1 where none is.
+    ready, inside : ndarray (K,) uint32
+        1 where the levels are judged; 1 where all estimates are where the weights are in force.
+    raised : ndarray (K,) uint32
+        Bits of the members that are raised.
+    """
+
+    r: Array
+    r_bound: Array
+    alarm: Array
+    alarm_bits: Array
+    latched_bits: Array
+    raw_bits: Array
+    assured: Array
+    status: Array
+    isolated: Array
+    ready: Array
+    inside: Array
+    raised: Array
+
+    @classmethod
+    def empty(cls, shape: tuple[int, ...], members: int, n_y: int, dtype) -> BankTrace:
+        """Allocate for runs of the given leading shape; ``n_y`` is not used."""
+        del n_y
+        real = [np.full((*shape, members), np.nan, dtype=dtype) for _ in range(2)]
+        bits = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
+        words = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
+        return cls(*real, np.zeros(shape, bool), *bits, np.zeros(shape, bool), np.zeros(shape, dtype=np.int64),
+                   np.full(shape, NOBODY, dtype=np.int32), *words)
+
+    def words(self) -> list[Array]:
+        """The fields that other families do not have, in their order, as the C's words."""
+        return [self.isolated.view(np.uint32), self.ready, self.inside, self.raised]
+
+    def word_names(self) -> list[str]:
+        """The names of these fields."""
+        return ["isolated", "ready", "inside", "raised"]
+
+
+class BankObserver(Runner):
+    """The bank as the firmware runs it, on S independent runs at once; see ``Runner`` for the calls.
+
+    Its thresholds come from a campaign: nothing is ``assured``.
+    """
+
+    family = "bank"
+    tables_class = BankTables
+    trace_class = BankTrace
+    stated = False
+
+    def empty(self, t: BankTables, shape: tuple[int, ...]) -> BankTrace:
+        """Allocate the answers of runs of the given leading shape."""
+        return BankTrace.empty(shape, len(t.members), 0, t.dtype)
+
+    @classmethod
+    def answers(cls, shape: tuple[int, ...], record: dict, dtype) -> BankTrace:
+        """Allocate the answers of compiled C, whose ``resources.json`` is ``record``."""
+        return BankTrace.empty(shape, next(n for name, _, n in record["out"] if name == "r"), 0, dtype)
+
+    @classmethod
+    def initial(cls, x0_lo, x0_hi, shape: tuple[int, int], record: dict, dtype) -> list[Array | None]:
+        """Nothing: the bank starts where it starts, and waits."""
+        refuse(x0_lo, x0_hi)
+        return []
+
+    def start(self, t: BankTables, runs: int, x0_lo: Array | None = None, x0_hi: Array | None = None) -> None:
+        """Set all runs to their start (``<p>_init``).
+
+        Raises
+        ------
+        ValueError
+            Another initial box than the plant file's.
+        """
+        refuse(x0_lo, x0_hi)
+        self.raised = np.zeros((runs, len(t.members)), dtype=np.int64)
+        self.guard = SupervisorState(runs, len(t.members), 1)
+        self._anew(t, runs, t.begin)
+
+    def run_many(self, u, y, q=None, real="float32", x0_lo=None, x0_hi=None, theta=None) -> BankTrace:
+        """As ``Runner.run_many``; q is not read."""
+        return super().run_many(u, y, np.zeros(np.shape(y)[:2], dtype=np.int64), real, x0_lo, x0_hi, theta)
+
+    def _anew(self, t: BankTables, runs: int, wait: int) -> None:
+        """The recursions from z0; alarms are not touched."""
+        self.z = [np.tile(m.z0.astype(t.dtype), (runs, 1)) for m in t.members]
+        self.a = [np.zeros((runs, len(m.M)), dtype=t.dtype) for m in t.members]
+        self.wait = np.full(runs, wait)
+
+    def sample(self, t: BankTables, on: Array, measured: Array, u: Array, y: Array, q: Array, theta: Array,
+               out: BankTrace) -> None:
+        """One sample of the runs in ``on``: ``<p>_step`` where ``measured``, else ``<p>_predict``."""
+        seen = on & measured
+        level, inside = np.zeros((len(q), len(t.members)), t.dtype), np.ones(len(q), dtype=bool)
+        self.z, self.a = list(self.z), list(self.a)
+        for p, m in enumerate(t.members):
+            _, r, within, after = step(m, self.z[p], u, y[:, m.seen], theta, seen)
+            a = averaged(m, self.a[p], r, t.dtype.type(t.rate))
+            level[:, p], inside = squared(a), inside & within
+            self.z[p] = np.where(seen[:, None], after, self.z[p])
+            self.a[p] = np.where(seen[:, None], a, self.a[p])
+        ready = self.wait == 0
+        raw = ready[:, None] & ~(level <= t.bound)
+        alarm, _, _ = judge(self.supervision, self.guard, seen, raw)
+        raised = np.where(alarm, t.keep, np.maximum(self.raised - 1, 0))
+        self.raised = np.where(seen[:, None], raised, self.raised)
+        isolated = blamed(t, self.raised > 0)
+        self.wait = np.where(seen, np.maximum(self.wait - 1, 0), self.wait)
+        lost = (on & ~measured) | (seen & ~(level >= 0).all(axis=1))  # or spoilt in memory: no number
+        if lost.any():
+            kept = self.z, self.a, self.wait
+            self._anew(t, len(q), t.settle)
+            self._merge(lost, *kept)
+        out.r[seen], out.r_bound[seen] = level[seen], t.bound
+        out.isolated[on], out.ready[seen], out.inside[seen] = isolated[on], ready[seen], inside[seen]
+        out.raised[on] = pack(self.raised > 0)[on]
+        out.raw_bits[seen], out.alarm_bits[seen] = pack(raw)[seen], pack(alarm)[seen]
+        out.latched_bits[on] = pack(self.guard.latched)[on]
+        out.alarm[seen] = alarm[seen].any(axis=1)
+
+    def _merge(self, new: Array, z: list[Array], a: list[Array], wait: Array) -> None:
+        """Keep the new start for the runs in ``new``, what was before for the others."""
+        for now, before in ((self.z, z), (self.a, a)):
+            for p, values in enumerate(before):
+                now[p] = np.where(new[:, None], now[p], values)
+        self.wait = np.where(new, self.wait, wait)
+
+    def quiet_output(self, t: BankTables, u: Array, q: int) -> Array:
+        """A measurement that raises nobody, where one is found; for the golden vectors."""
+        draw = Random(int(self.wait[0]))
+        for k in range(30):
+            y = np.array([0.5**k * (a + (b - a) * draw.random()) for a, b in zip(t.y_lo.astype(float), t.y_hi.astype(
+                float))]).astype(t.dtype)
+            trial = copy(self)
+            trial.guard, out = copy(self.guard), self.empty(t, (1,))
+            trial.sample(t, np.array([True]), np.array([True]), u[None], y[None], np.array([q]), np.zeros((1, 0)), out)
+            if out.raw_bits[0] == 0:
+                break
+        return np.clip(y, t.y_lo, t.y_hi)
+
+    def reset(self, t: BankTables, on: Array) -> None:
+        """Restart the runs in ``on``, alarms cleared (``<p>_reset``)."""
+        kept, raised, guard = (self.z, self.a, self.wait), self.raised, self.guard
+        self.start(t, len(on))
+        self._anew(t, len(on), t.settle)
+        self._merge(on, *kept)
+        self.raised = np.where(on[:, None], self.raised, raised)
+        for name, value in vars(guard).items():
+            mask = on.reshape(-1, *[1] * (value.ndim - 1))
+            setattr(self.guard, name, np.where(mask, getattr(self.guard, name), value))
+
+
+def averaged(m: Member, a: Array, r: Array, rate) -> Array:
+    """The moving average of the weighted residual, one sample on.
+
+    Parameters
+    ----------
+    m : Member
+    a : ndarray (S, k), r : ndarray (S, p)
+    rate : number of the type
+    """
+    return a + rate * (summed(m.M, r) - a)
+
+
+def squared(a: Array) -> Array:
+    """Sum of squares, from left to right.
+
+    Parameters
+    ----------
+    a : ndarray (S, k)
+    """
+    out = a[:, 0] * a[:, 0]
+    for k in range(1, a.shape[1]):
+        out = out + a[:, k] * a[:, k]
+    return out
+
+
+def blamed(t: BankTables, raised: Array) -> Array:
+    """The fault whose pattern is met exactly; -1 where none is.
+
+    Parameters
+    ----------
+    t : BankTables
+    raised : ndarray (S, P) bool
+    """
+    out = np.full(len(raised), NOBODY, dtype=np.int32)
+    for channel, pattern in enumerate(t.incidence):
+        out = np.where((raised == pattern).all(axis=1), channel, out)
+    return out
