@@ -11,7 +11,7 @@ from ..observers.bank import Member as BankMember
 from ..observers.polytopic_step import LIBM
 from .cprint import comment, count_operations, literal, macro_names
 from .families import Member, Word, state_layout
-from .manual import Bit
+from .manual import MEMBERS, Bit
 from .maps import Names, Table
 from .parts import Field, Move, Operations, Parts, Size, assign, vector_table
 from .polytopic_parts import statement, steps, terms_of, weight_lines
@@ -124,7 +124,7 @@ def parts(t: BankTables, s, names: Names, signals: tuple, faults: tuple[str, ...
         unread=() if u else ("in",))
     start = (f"{names.prefix}_anew(s);", f"s->wait = {t.begin}U;", *quiet)
     return Parts(
-        noun="observers", header="bank.h.jinja", self_test="harness/test_bank.c.jinja", bits=bits, maps=(),
+        noun=MEMBERS, header="bank.h.jinja", self_test="harness/test_bank.c.jinja", bits=bits, maps=(),
         state=state_layout(names, s, count, numbers, z + sums, [], words, extra=count),
         out_fields=tuple(Field(*f) for f in out), operations=operations, cuts=(), start=start,
         whole_range=(f"{names.prefix}_anew(s);", *quiet), crossed=(), late=(), move=Move("", ""), sets=(view,),

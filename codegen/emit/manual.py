@@ -116,15 +116,17 @@ def _sampling(plant) -> list[str]:
         + (", the others are held" if len(moving) < len(plant.u) else ""))
     first = [held] if plant.u else []
     change = "at samples only" if plant.switching.known else "at any instant"
-    return [". ".join([*first, f"The mode changes {change}. Disturbances and parameters may move between samples "
-                       "too: the bounds hold at the samples whatever they do there"]) + "."]
+    first += [f"The mode changes {change}"] * (plant.n_modes > 1)
+    return [". ".join([*first, "Disturbances and parameters may move between samples too: the bounds hold at the "
+                       "samples whatever they do there"]) + "."]
 
 
 def _bounds(plant, what: str, signals, vector: str) -> list[str]:
     """State the bounds of w or v; per mode where they differ."""
     items = []
     for j, signal in enumerate(signals):
-        limits = [(float(getattr(m, f"{vector}_lo")[j]), float(getattr(m, f"{vector}_hi")[j])) for m in plant.modes]
+        limits = [(float(getattr(m, f"{vector}_lo")[j]), float(getattr(m, f"{vector}_hi")[j])) for m in plant.modes
+                  ] or [(signal.lo, signal.hi)]  # a polytope has no modes
         unit = f" {signal.unit}" if signal.unit else ""
         if len(set(limits)) == 1:
             ranges = f"[{limits[0][0]!r}, {limits[0][1]!r}]{unit}"
@@ -177,6 +179,14 @@ def bits(y: tuple[Channel, ...], shared: bool) -> tuple[Bit, ...]:
 FILTERS = "filter bounds"
 #: And in a mode estimator that promises nothing.
 PAIRS = "pairs of bounds"
+#: What follows an alarm of polytopic observers, of those that estimate the faults, and of a bank.
+THRESHOLDS, ESTIMATED, MEMBERS = "thresholds", "bounds of the residual", "observers"
+AFTER = {
+    THRESHOLDS: "A fault spoils the estimate: at the first sample within bounds after it the thresholds begin anew, "
+                "with those that hold from anywhere in the declared ranges.",
+    ESTIMATED: "A fault spoils nothing: it is part of the estimate, and assured stays 1.",
+    MEMBERS: "An alarm raises its observer for a while; those that are raised decide out->isolated. Nothing starts "
+             "again by itself."}
 
 
 def alarm(s, prefix: str, noun: str) -> tuple[str, ...]:
@@ -191,11 +201,14 @@ def alarm(s, prefix: str, noun: str) -> tuple[str, ...]:
         again = f"all pairs begin anew at the first sample without it, or after {max(s.recover, 1)} with it"
         return paragraph(f"Debounce, where a sample with a bit in out->raw is one outside its bounds: {rule}. {keep} "
                          f"After it {again}. That a fault leads to an alarm is not promised.")
-    text = (f"Debounce: {rule}. {keep} {noun.capitalize()} that have met a fault are worthless: they restart from the "
-            f"declared ranges at the first sample within bounds{far}. "
+    if noun == ESTIMATED:
+        return paragraph(f"Debounce: {rule}. {keep} {AFTER[noun]}")
+    after = AFTER.get(noun, f"{noun.capitalize()} that have met a fault are worthless: they restart from the declared "
+                            f"ranges at the first sample within bounds{far}.")
+    text = (f"Debounce: {rule}. {keep} {after} "
             + ("assured is never set: the thresholds are calibrated." if not s.assures else
-               f"assured returns after {prefix}_reset only: a fault that goes on may be absorbed by the restarted "
-               f"{noun}." if s.latch else
+               f"assured returns after {prefix}_reset only: a fault that goes on may be absorbed by the "
+               f"{'estimate' if noun == THRESHOLDS else f'restarted {noun}'}." if s.latch else
                f"assured returns after {s.hold} samples within bounds, on the assumption that the fault is over by "
                "then."))
     return paragraph(text)

@@ -11,7 +11,7 @@ from ..observers.polytopic_tables import PolytopicTables
 from .cprint import Term, count_operations, initialiser, literal, macro_names, product, sum_lines
 from .families import Member, Word, state_layout
 from .feedback_parts import LawView, law_view
-from .manual import FILTERS, Bit
+from .manual import ESTIMATED, THRESHOLDS, Bit
 from .maps import Names, Table
 from .parts import Field, Move, Operations, Parts, Size, assign, vector_table
 
@@ -113,7 +113,8 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
         sure=("out->assured = 1U; /* the faults are part of the estimate and spoil nothing */",) if t.faults else (),
         again="anew || (!kept) || (!inside)" if t.faults else "anew || (!kept)")
     return Parts(
-        noun=FILTERS, header="polytopic.h.jinja", self_test="harness/test_polytopic.c.jinja", bits=bits, maps=(),
+        noun=ESTIMATED if t.faults else THRESHOLDS,
+        header="polytopic.h.jinja", self_test="harness/test_polytopic.c.jinja", bits=bits, maps=(),
         state=state_layout(names, s, p, numbers, n + p, [], words), out_fields=tuple(Field(*f) for f in out),
         operations=_operations(t, sums), cuts=(), start=begin, whole_range=whole, crossed=(), late=(),
         move=Move("", ""), sets=(view,), told=False)

@@ -41,8 +41,8 @@
  * - The disturbance w[0] (w1) is in [-0.1, 0.1].
  * - The disturbance w[1] (w2) is in [-0.1, 0.1].
  * - The parameter rho is in [-1.0, 1.0], at any speed; it is not measured.
- * - The inputs are held from sample to sample. The mode changes at samples only. Disturbances and
- *   parameters may move between samples too: the bounds hold at the samples whatever they do there.
+ * - The inputs are held from sample to sample. Disturbances and parameters may move between samples too:
+ *   the bounds hold at the samples whatever they do there.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT

@@ -77,7 +77,7 @@ static dig_real dig_size(dig_real value)
 }
 
 /*
- * Everything but the filter bounds as after power-on.
+ * Everything but the bounds of the residual as after power-on.
  */
 static void dig_clear(dig_state *s)
 {
@@ -140,8 +140,8 @@ static uint32_t dig_outside(const dig_state *s, dig_out *out)
 }
 
 /*
- * Debounce, latch and recovery for a measured sample. Returns whether the filter bounds must start again: at the
- * first sample within bounds after a fault, or when the alarm has lasted so long that filter bounds spoilt by the
+ * Debounce, latch and recovery for a measured sample. Returns whether the bounds of the residual must start again: at the
+ * first sample within bounds after a fault, or when the alarm has lasted so long that bounds of the residual spoilt by the
  * fault may keep it alive by themselves.
  */
 static bool dig_judge(dig_state *s, dig_out *out, uint32_t raw)

@@ -75,7 +75,7 @@ static disc_real disc_size(disc_real value)
 }
 
 /*
- * Everything but the filter bounds as after power-on.
+ * Everything but the thresholds as after power-on.
  */
 static void disc_clear(disc_state *s)
 {
@@ -134,8 +134,8 @@ static uint32_t disc_outside(const disc_state *s, disc_out *out)
 }
 
 /*
- * Debounce, latch and recovery for a measured sample. Returns whether the filter bounds must start again: at the
- * first sample within bounds after a fault, or when the alarm has lasted so long that filter bounds spoilt by the
+ * Debounce, latch and recovery for a measured sample. Returns whether the thresholds must start again: at the
+ * first sample within bounds after a fault, or when the alarm has lasted so long that thresholds spoilt by the
  * fault may keep it alive by themselves.
  */
 static bool disc_judge(disc_state *s, disc_out *out, uint32_t raw)

@@ -45,8 +45,8 @@
  * - Every sample period (0.01 s) there is exactly one call of step or predict.
  * - At the call of init the state is in its initial box; at all times it is in its range. The range is used
  *   by predict, by reset, and for the restart after a fault.
- * - The inputs are held from sample to sample. The mode changes at samples only. Disturbances and
- *   parameters may move between samples too: the bounds hold at the samples whatever they do there.
+ * - The inputs are held from sample to sample. Disturbances and parameters may move between samples too:
+ *   the bounds hold at the samples whatever they do there.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT
@@ -64,9 +64,9 @@
  * ALARMS
  *
  * Debounce: every sample outside its bounds is an alarm. Once raised, a bit stays in out->latched until
- * disc_reset. Filter bounds that have met a fault are worthless: they restart from the declared ranges at
- * the first sample within bounds. assured returns after disc_reset only: a fault that goes on may be
- * absorbed by the restarted filter bounds.
+ * disc_reset. A fault spoils the estimate: at the first sample within bounds after it the thresholds begin
+ * anew, with those that hold from anywhere in the declared ranges. assured returns after disc_reset only: a
+ * fault that goes on may be absorbed by the estimate.
  *
  * COMPILER
  *

@@ -58,11 +58,11 @@
  * - Every sample period (0.01 s) there is exactly one call of step or predict.
  * - At the call of init the state is in its initial box; at all times it is in its range. The range is used
  *   by predict, by reset, and for the restart after a fault.
- * - The measurement noise v[0] (noise 1) is in .
- * - The measurement noise v[1] (noise 2) is in .
- * - The measurement noise v[2] (noise 3) is in .
- * - The inputs are held from sample to sample. The mode changes at samples only. Disturbances and
- *   parameters may move between samples too: the bounds hold at the samples whatever they do there.
+ * - The measurement noise v[0] (noise 1) is in [-0.02, 0.02].
+ * - The measurement noise v[1] (noise 2) is in [-0.02, 0.02].
+ * - The measurement noise v[2] (noise 3) is in [-0.1, 0.1].
+ * - The inputs are held from sample to sample. Disturbances and parameters may move between samples too:
+ *   the bounds hold at the samples whatever they do there.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT
@@ -80,9 +80,8 @@
  * ALARMS
  *
  * Debounce: every sample outside its bounds is an alarm. Once raised, a bit stays in out->latched until
- * disc_sensors_reset. Observers that have met a fault are worthless: they restart from the declared ranges
- * at the first sample within bounds, or after 50 samples outside in a row. assured is never set: the
- * thresholds are calibrated.
+ * disc_sensors_reset. An alarm raises its observer for a while; those that are raised decide out->isolated.
+ * Nothing starts again by itself. assured is never set: the thresholds are calibrated.
  *
  * COMPILER
  *

@@ -80,7 +80,7 @@ static quadrotor_real quadrotor_size(quadrotor_real value)
 }
 
 /*
- * Everything but the filter bounds as after power-on.
+ * Everything but the thresholds as after power-on.
  */
 static void quadrotor_clear(quadrotor_state *s)
 {
@@ -148,8 +148,8 @@ static uint32_t quadrotor_outside(const quadrotor_state *s, quadrotor_out *out)
 }
 
 /*
- * Debounce, latch and recovery for a measured sample. Returns whether the filter bounds must start again: at the
- * first sample within bounds after a fault, or when the alarm has lasted so long that filter bounds spoilt by the
+ * Debounce, latch and recovery for a measured sample. Returns whether the thresholds must start again: at the
+ * first sample within bounds after a fault, or when the alarm has lasted so long that thresholds spoilt by the
  * fault may keep it alive by themselves.
  */
 static bool quadrotor_judge(quadrotor_state *s, quadrotor_out *out, uint32_t raw)

@@ -53,17 +53,17 @@
  * - Every sample period (0.01 s) there is exactly one call of step or predict.
  * - At the call of init the state is in its initial box; at all times it is in its range. The range is used
  *   by predict, by reset, and for the restart after a fault.
- * - The disturbance w[0] (roll gust) is in .
- * - The disturbance w[1] (pitch gust) is in .
- * - The disturbance w[2] (yaw gust) is in .
- * - The measurement noise v[0] (roll noise) is in .
- * - The measurement noise v[1] (pitch noise) is in .
- * - The measurement noise v[2] (yaw noise) is in .
- * - The measurement noise v[3] (roll gyro noise) is in .
- * - The measurement noise v[4] (pitch gyro noise) is in .
- * - The measurement noise v[5] (yaw gyro noise) is in .
- * - The inputs are held from sample to sample. The mode changes at samples only. Disturbances and
- *   parameters may move between samples too: the bounds hold at the samples whatever they do there.
+ * - The disturbance w[0] (roll gust) is in [-0.004, 0.004] N m.
+ * - The disturbance w[1] (pitch gust) is in [-0.004, 0.004] N m.
+ * - The disturbance w[2] (yaw gust) is in [-0.001, 0.001] N m.
+ * - The measurement noise v[0] (roll noise) is in [-0.002, 0.002] rad.
+ * - The measurement noise v[1] (pitch noise) is in [-0.002, 0.002] rad.
+ * - The measurement noise v[2] (yaw noise) is in [-0.002, 0.002] rad.
+ * - The measurement noise v[3] (roll gyro noise) is in [-0.005, 0.005] rad/s.
+ * - The measurement noise v[4] (pitch gyro noise) is in [-0.005, 0.005] rad/s.
+ * - The measurement noise v[5] (yaw gyro noise) is in [-0.005, 0.005] rad/s.
+ * - The inputs are held from sample to sample. Disturbances and parameters may move between samples too:
+ *   the bounds hold at the samples whatever they do there.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT
@@ -81,9 +81,9 @@
  * ALARMS
  *
  * Debounce: every sample outside its bounds is an alarm. Once raised, a bit stays in out->latched until
- * quadrotor_reset. Filter bounds that have met a fault are worthless: they restart from the declared ranges
- * at the first sample within bounds. assured returns after quadrotor_reset only: a fault that goes on may
- * be absorbed by the restarted filter bounds.
+ * quadrotor_reset. A fault spoils the estimate: at the first sample within bounds after it the thresholds
+ * begin anew, with those that hold from anywhere in the declared ranges. assured returns after
+ * quadrotor_reset only: a fault that goes on may be absorbed by the estimate.
  *
  * COMPILER
  *

@@ -43,8 +43,8 @@
  * - The measurement noise v[0] (v) is in [-0.005, 0.005].
  * - The parameter e1 is in [0.5, 2.5], changes by at most 0.4/s, and in->theta holds it.
  * - The parameter e2 is in [0.5, 2.5], changes by at most 6.0/s, and in->theta holds it.
- * - The inputs are held from sample to sample. The mode changes at samples only. Disturbances and
- *   parameters may move between samples too: the bounds hold at the samples whatever they do there.
+ * - The inputs are held from sample to sample. Disturbances and parameters may move between samples too:
+ *   the bounds hold at the samples whatever they do there.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import runpy
 from pathlib import Path
 
@@ -36,6 +37,8 @@ def test_prints_to_the_same_bytes(folder):
         elif name in kept:
             assert (folder / name).read_bytes() == text.encode(), f"{folder.name}/{name}: run `make generated`"
     prefix = design.plant.target.prefix
+    header = " ".join(texts[f"{prefix}.h"].split())
+    assert not re.search(r"is in (?:\.| |$)|\bnan\b|\bNone\b", header)
     assert {"design.json", f"{prefix}.h", f"{prefix}.c", f"test_{prefix}.c", "resources.json"} <= kept
 
 
