@@ -130,6 +130,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     for name in methods:
         if name not in METHODS:
             raise DesignError(f"{plant.name}: observer.method is \"{name}\", expected one of {', '.join(METHODS)}.")
+    if method and (reason := METHODS[method].module.inapplicable(plant)) is not None:
+        raise DesignError(f'{plant.name}: method "{method}" does not apply: {reason}')
     check_options(plant.name, options, known_options(methods))
     if "modes" in options and plant.switching.known:
         raise DesignError(f"{plant.name}: observer.modes says how the mode is found, but it is told (switching.known "
