@@ -13,9 +13,20 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, TemplateError
 from ..analysis.validate import Outcome
 from ..emit.render import template_root
 from ..errors import EmitError
-from . import assurance_words, compare_words, firmware_words, outcome_words, period_words, plant_words, plots, set_words
+from . import (
+    assurance_words,
+    compare_words,
+    firmware_words,
+    frequency_words,
+    outcome_words,
+    period_words,
+    plant_words,
+    plots,
+    set_words,
+)
 from .assurance_words import AssuranceWords
 from .design_words import DesignWords, words_of
+from .frequency_words import FrequencyWords
 from .period_words import PeriodWords
 from .set_words import SetWords, Watched
 from .table import Fact, Folded, Link, Plot, Table
@@ -46,6 +57,7 @@ class ReportView:
     plant_tables: tuple[Table, ...]
     design: DesignWords
     periods: tuple[PeriodWords, ...]
+    frequencies: tuple[FrequencyWords, ...]
     sets: tuple[SetWords, ...]
     validation: tuple[Table, ...]
     scenarios: tuple[ScenarioView, ...]
@@ -109,6 +121,7 @@ def view(folder: Path, design, driver, outcomes: list[Outcome], periods: Sequenc
         verdict=verdict(design, real, record, outcomes),
         plant_facts=plant_words.facts(plant), plant_tables=plant_words.tables(plant),
         design=words_of(design, real), periods=period_words.words_of(design, real, periods),
+        frequencies=frequency_words.words_of(design, real),
         sets=set_words.words_of(design, scenes),
         validation=(outcome_words.validation_table(outcomes),) if outcomes else (),
         scenarios=tuple(_scenario(design, real, i, o, w) for i, (o, w) in enumerate(zip(outcomes, scenes))),

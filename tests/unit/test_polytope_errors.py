@@ -188,7 +188,8 @@ EDITS = [
     (POINTS, "x = [0.2, 1]", "x = [0, 1]",
      ["nonlinear.point.low: f or its slope has no value there", "Move the point"]),
     (POINTS, '"high", x', '"low", x', ["nonlinear.point", '"low" is used twice', "Rename one"]),
-    (POINTS, "point = [", PREMISE + "point = [", ["nonlinear.point: A, B, known or premise are given too", "Remove one"]),
+    (POINTS, "point = [", PREMISE + "point = [",
+     ["nonlinear.point: A, B, known or premise are given too", "Remove one"]),
 ]
 
 
