@@ -28,7 +28,9 @@ interpolation = "quadratic"
 OWN = {f"{key} {method}": (key, text, method) for key, text in (("valve", VALVE), ("late", LATE), ("stirred", STIRRED),
                                                               ("warm", HEATER), ("squared", QUADRATIC))
        for method, entry in METHODS.items() if entry.framers and entry.module.inapplicable(loads(text, key)) is None}
-COMMITTED = sorted(p.parent.name for p in GENERATED.glob("*/design.json") if '"vary"' in p.read_text())
+#: Framers that find the mode themselves promise no size.
+COMMITTED = sorted(p.parent.name for p in GENERATED.glob("*/design.json")
+                   if '"vary"' in p.read_text() and '"told"' not in p.read_text())
 
 
 def own(workshop, name):
