@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.designs import VARIANTS, stand_in
-from helpers.kept import OTHERS, POINTS, STATED, at
+from helpers.kept import OTHERS, POINTS, STATED
 from helpers.table_numbers import every_number_of_a_set, every_number_of_the_family
 
 import codegen
@@ -37,7 +37,7 @@ names = pytest.mark.parametrize("folder", STATED, ids=lambda f: f.name)
 
 @cache
 def design_of(folder):
-    return read_checked(at(folder))
+    return read_checked(folder)
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def made(tmp_path_factory):
 
     @cache
     def copy(folder):
-        shutil.copytree(at(folder), home / folder.name)
+        shutil.copytree(folder, home / folder.name)
         document.write(home / folder.name, design_of(folder))
         return home / folder.name
 
@@ -226,8 +226,8 @@ def test_a_changed_c_is_refused(what, pattern, new):
 def test_no_literal_of_the_maps_can_be_changed(folder):
     """Some numbers of the C in turn, doubled; zeros apart, which clear and compare."""
     design = design_of(folder)
-    record = json.loads((at(folder) / "resources.json").read_text())
-    text, header = ((at(folder) / f"{record['prefix']}.{end}").read_text() for end in "ch")
+    record = json.loads((folder / "resources.json").read_text())
+    text, header = ((folder / f"{record['prefix']}.{end}").read_text() for end in "ch")
     code = blank(text)
     found = [m for m in re.finditer(REAL, code) if re.search("[.e]", m[0]) and float(m[0].rstrip("F"))]
     assert len(found) > 30

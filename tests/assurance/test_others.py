@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cache
 
 import pytest
-from helpers.kept import OTHERS, at, family_of
+from helpers.kept import OTHERS, family_of
 from helpers.small_modes import stand_in
 
 from codegen.assurance.c_reader import blank
@@ -25,7 +25,7 @@ folders = pytest.mark.parametrize("folder", OTHERS, ids=lambda f: f.name)
 
 @cache
 def design_of(name):
-    return read_design(at(next(f for f in OTHERS if f.name == name))) if "_" in name else stand_in(name, 3)
+    return read_design(next(f for f in OTHERS if f.name == name)) if "_" in name else stand_in(name, 3)
 
 
 @cache

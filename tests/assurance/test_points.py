@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers.kept import POINTS, at, family_of
+from helpers.kept import POINTS, family_of
 from helpers.points import VARIANTS, point_design, random_plant
 
 from codegen.assurance import point_claims, point_margins
@@ -125,7 +125,7 @@ BOTH = (("box", 0.6, "bounded: box beyond"), ("x0_hi", 0.5, "ranges: x0 box"))
 
 @pytest.mark.parametrize("folder", POINTS, ids=lambda f: f.name)
 def test_margins_refuse_what_does_not_hold(folder):
-    design, family = read_checked(at(folder)), family_of(folder)
+    design, family = read_checked(folder), family_of(folder)
     real = "float32"
     assert all(m.holds for c in claims(design, real) for m in c.margins)
     cases = [(*case, True) for case in MARGINS.get(family, ())] + [
@@ -138,7 +138,7 @@ def test_margins_refuse_what_does_not_hold(folder):
 
 @pytest.mark.parametrize("folder", POINTS, ids=lambda f: f.name)
 def test_a_false_level_is_refused(folder):
-    design = read_checked(at(folder))
+    design = read_checked(folder)
     cert = design.certificate["float32"]
     if cert["kind"] == "none":
         assert not any(c.id in ("hinf", "linf") for c in claims(design, "float32"))

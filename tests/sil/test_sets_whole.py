@@ -4,7 +4,6 @@ import json
 
 import pytest
 from click.testing import CliRunner
-from helpers.kept import MADE
 from helpers.points import TOML
 
 import codegen
@@ -13,7 +12,7 @@ from codegen.errors import DesignError
 from codegen.plant.load import loads
 from codegen.select import choose
 
-TABLE = MADE["thresholds"]
+TABLE = TOML.replace('method = "zonotope"', 'method = "zonotope"\ntables = "dwell"\nrows = 6\nstages = 3')
 TURN = TOML.replace('method = "zonotope"', 'method = "zonotope"\ntables = "schedule"').replace(
     "[switching]", '[switching]\nschedule = { every = 3, order = ["one", "two", "three"] }').replace(
     'mode = { every = 4, order = ["two", "one"] }', 'mode = { every = 3, order = ["one", "two", "three"] }')

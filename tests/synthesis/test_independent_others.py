@@ -10,7 +10,7 @@ import sys
 from functools import cache
 
 import pytest
-from helpers.kept import OTHERS, at, family_of
+from helpers.kept import OTHERS, family_of
 from helpers.scripts import prefix_of
 from helpers.small_modes import PLANTS, stand_in
 from synthesis.test_independent import CHECKER
@@ -39,7 +39,7 @@ def test_uses_the_standard_library_only(path):
 
 @cache
 def folder_of(family):
-    folder = at(next(f for f in OTHERS if family_of(f) == family))
+    folder = next(f for f in OTHERS if family_of(f) == family)
     return folder, json.loads((folder / "design.json").read_text())
 
 

@@ -8,7 +8,7 @@ import re
 import shutil
 
 import pytest
-from helpers.kept import POINTS, at, family_of
+from helpers.kept import POINTS, family_of
 from helpers.scripts import GENERATED, prefix_of
 from synthesis.test_independent import CHECKER, run
 
@@ -23,7 +23,7 @@ def test_every_file_is_short(path):
 @pytest.mark.parametrize("folder", POINTS, ids=lambda f: f.name)
 def test_proves_every_point_observer(folder):
     """Of a kind of set that it does not know it says so, by its exit status: nothing is proved."""
-    done = run(at(folder))
+    done = run(folder)
     if family_of(folder) not in FALSE:
         assert done.returncode == 2 and "nothing is said" in done.stderr
         return
@@ -134,7 +134,7 @@ CASES = [pytest.param(folder, *case, id=f"{folder.name}-{name}") for folder in P
 
 @pytest.mark.parametrize("folder,path,factor,words", CASES)
 def test_refuses_false_claims(folder, path, factor, words, tmp_path):
-    done = run(spoilt(at(folder), path, factor, tmp_path))
+    done = run(spoilt(folder, path, factor, tmp_path))
     assert done.returncode == 1 and done.stderr.startswith("refused: ") and words in done.stderr, done.stderr
 
 
@@ -159,9 +159,9 @@ CHANGES = {  # what of the C, and what instead
 
 @pytest.mark.parametrize("folder", POINTS, ids=lambda f: f.name)
 def test_refuses_another_c(folder, check_source):
-    prefix = prefix_of(at(folder))
-    text = (at(folder) / f"{prefix}.c").read_text()
-    record, tables = (json.loads((at(folder) / f"{n}.json").read_text()) for n in ("resources", "design"))
+    prefix = prefix_of(folder)
+    text = (folder / f"{prefix}.c").read_text()
+    record, tables = (json.loads((folder / f"{n}.json").read_text()) for n in ("resources", "design"))
     t, changed = tables["tables"][record["real"]], 0
     check_source(text, t, prefix)
     for what, (pattern, new) in CHANGES.items():

@@ -20,8 +20,9 @@ import codegen  # noqa: E402
 from codegen.analysis import mode_promise  # noqa: E402
 from codegen.analysis.validate import judge  # noqa: E402
 from codegen.certify import mode_certificate  # noqa: E402
-from codegen.certify.mode_claims import contracted, narrowed  # noqa: E402
+from codegen.certify.mode_claims import contracted  # noqa: E402
 from codegen.certify.mode_steps import check_enclosure  # noqa: E402
+from codegen.certify.mode_widths import narrowed  # noqa: E402
 from codegen.designs import read_checked  # noqa: E402
 from codegen.errors import CertificateError, DesignError, PlantError  # noqa: E402
 from codegen.observers import ModeTables  # noqa: E402

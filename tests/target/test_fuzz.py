@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
-from helpers.kept import KEPT, POINTS, at, family_of
+from helpers.kept import KEPT, POINTS, family_of
 from helpers.scripts import GENERATED, prefix_of
 from helpers.tools import need
 
@@ -35,7 +35,7 @@ def test_committed_designs(folder):
 @pytest.mark.parametrize("family", ["ellipsoid", "thresholds", "filter", "mode"])
 def test_other_observers(family):
     """The set online and as a table, a filter, boxes; of the other point observers the same common part."""
-    found = run(next(at(f) for f in KEPT if family_of(f) == family), 2000)
+    found = run(next(f for f in KEPT if family_of(f) == family), 2000)
     require(found)
     assert found.runs == 2000 and found.edges > 80
 
@@ -44,7 +44,7 @@ def test_other_observers(family):
     (r"\(s->since < \w+_ROWS\) \? s->since : \(\w+_ROWS - 1U\)", "s->since"),  # a spoilt state reads beyond a table
     (r"out->x_hi\[i\] = ", "out->x_hi[i] = (radius[0] - radius[0]) / 0.0F + ")])  # bounds that are no numbers
 def test_mutants_of_a_point_observer(old, new, tmp_path):
-    folder = shutil.copytree(next(at(f) for f in POINTS if family_of(f) == "thresholds"), tmp_path / "mutant")
+    folder = shutil.copytree(next(f for f in POINTS if family_of(f) == "thresholds"), tmp_path / "mutant")
     source = folder / f"{prefix_of(folder)}.c"
     text, count = re.subn(old, new, source.read_text(), count=1)
     assert count == 1

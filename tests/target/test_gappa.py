@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
-from helpers.kept import OTHERS, POINTS, STATED, at, family_of
+from helpers.kept import OTHERS, POINTS, STATED, family_of
 from helpers.scripts import GENERATED
 from helpers.tools import need
 
@@ -43,8 +43,8 @@ DEFINITION = r"(?m)^{} (?:r=|=)\n((?:    .*\n)*?    .*);$"
 
 def copy(folder, to, real=None, layout=None):
     """Copy a kept folder, with the script as it is printed now; return the copy and the script's path."""
-    design = read_design(at(folder))
-    made = Path(shutil.copytree(at(folder), to / "copy"))
+    design = read_design(folder)
+    made = Path(shutil.copytree(folder, to / "copy"))
     name = f"rounding_{design.plant.target.prefix}.g"
     (made / name).write_text(files(design, real, layout, measure=False)[name], encoding="ascii")
     return made, made / name
@@ -86,7 +86,7 @@ def test_every_kept_design_is_confirmed(folder, real, tmp_path):
     made, _ = copy(folder, tmp_path, real)
     result = prove_rounding(made)
     assert result.proved and not result.alarms, result.alarms
-    n_x = read_design(at(folder)).plant.n_x
+    n_x = read_design(folder).plant.n_x
     assert result.rows >= (2 * n_x + 1) * (1 if folder in POINTS + OTHERS else 2) and result.version.startswith("1")
 
 
@@ -296,7 +296,7 @@ def test_script_is_about_the_sums_of_the_reference(case, real):
 @pytest.mark.parametrize("folder", POINTS, ids=lambda f: f.name)
 def test_script_of_points_is_about_the_sums_of_the_reference(folder, real):
     """The same of estimate and residual; the margin of each sum is what the set holds for it, rounded down."""
-    design = read_design(at(folder))
+    design = read_design(folder)
     t, prefix, rng = design.observer.tables[real], design.plant.target.prefix, np.random.default_rng(2)
     text, uncut = script_of(design, real), replace(t, box=t.box * 0 + np.inf)
     x = rng.uniform(-t.box, t.box)[None].astype(real)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from helpers.designs import stand_in
 from helpers.folders import write
-from helpers.kept import KEPT, POINTS, at, family_of
+from helpers.kept import KEPT, POINTS, family_of
 from helpers.points import VARIANTS, point_design, random_plant
 from helpers.scripts import load
 from helpers.tools import need
@@ -73,7 +73,7 @@ def by_data(quiet, other, faulty, gaps, other_gaps):
 
 @pytest.mark.parametrize("folder", KEPT, ids=lambda folder: folder.name)
 def test_no_call_takes_more_than_stated_whatever_the_data(folder, tmp_path):
-    here = at(folder)
+    here = folder
     golden, *found = operations.count(operations.build(here, tmp_path), runs(here))
     assert operations.excess(here, [c for calls in (golden, *found) for c in calls]) == []
     quiet, other, faulty, gaps, _ = found
@@ -108,7 +108,7 @@ def test_stand_ins_of_framers(family, layout, tmp_path):
 def test_the_selection_takes_the_stated_comparisons(tmp_path):
     """Exactly, at each call that moves a zonotope. How many columns change places depends on data: at most the kept."""
     seen = 0
-    for folder in map(at, POINTS):
+    for folder in POINTS:
         source = next(p for p in folder.glob("*.c") if not p.name.startswith(("test_", "prove_")))
         said = re.search(r"the first of equals: (\d+) comparisons and .*_KEPT exchanges, whatever", source.read_text())
         if not said:

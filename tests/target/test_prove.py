@@ -8,7 +8,7 @@ import pytest
 from helpers import small_modes
 from helpers.designs import GUARDED, stand_in
 from helpers.folders import write
-from helpers.kept import OTHERS, POINTS, STATED, at, family_of
+from helpers.kept import OTHERS, POINTS, STATED, family_of
 from helpers.scripts import prefix_of
 from helpers.tools import need
 
@@ -35,9 +35,9 @@ def rewrite(folder, name, pattern, text, count=1):
 def test_every_kept_design_is_proved(folder, tmp_path):
     """The committed C is what is proved, with the harness as it is printed now."""
     need("frama-c")
-    design = read_design(at(folder))
+    design = read_design(folder)
     prefix = design.plant.target.prefix
-    copy = Path(shutil.copytree(at(folder), tmp_path / "copy"))
+    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
     name = f"prove_{prefix}.c"
     (copy / name).write_text(files(design, measure=False)[name], encoding="ascii")
     result = prove(copy)
@@ -96,7 +96,7 @@ POINT_MUTANTS = {  # family, what of the C, what instead, what Eva says
 def test_what_is_wrong_of_a_set_is_not_proved(mutant, tmp_path):
     need("frama-c")
     family, pattern, text, words = POINT_MUTANTS[mutant]
-    folder = shutil.copytree(at(next(f for f in POINTS if family_of(f) == family)), tmp_path / "copy")
+    folder = shutil.copytree(next(f for f in POINTS if family_of(f) == family), tmp_path / "copy")
     rewrite(folder, f"{prefix_of(folder)}.c", pattern, text, 0)
     result = prove(folder)
     assert not result.proved and any(re.search(words, alarm) for alarm in result.alarms), result.alarms
@@ -118,7 +118,7 @@ def test_what_is_wrong_of_filters_and_boxes_is_not_proved(mutant, tmp_path):
     family, pattern, text, words = OTHER_MUTANTS[mutant]
     folder = tmp_path / "copy"
     if family == "filter":
-        shutil.copytree(at(next(f for f in OTHERS if f.name.startswith("farhat"))), folder)
+        shutil.copytree(next(f for f in OTHERS if f.name.startswith("farhat")), folder)
     else:
         write(small_modes.stand_in("one input", 1), folder)
     rewrite(folder, f"{prefix_of(folder)}.c", pattern, text, 0)

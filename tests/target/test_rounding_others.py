@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from helpers.kept import OTHERS, at, family_of
+from helpers.kept import OTHERS, family_of
 from helpers.small_modes import PLANTS, stand_in
 from target.test_gappa import REALS, evaluate, fraction, script_of
 
@@ -24,7 +24,7 @@ FILTERS = [f for f in OTHERS if family_of(f) == "filter"]
 @pytest.mark.parametrize("folder", FILTERS, ids=lambda f: f.name)
 def test_script_of_a_filter_is_about_the_sums_of_the_reference(folder, real):
     """The margin of each is what the model behind the thresholds holds for the rounding of the sum."""
-    design, rng = read_design(at(folder)), np.random.default_rng(3)
+    design, rng = read_design(folder), np.random.default_rng(3)
     t, text = design.observer.tables[real], script_of(design, real)
     ranges = ((-t.limit, t.limit), (t.u_lo, t.u_hi), (t.y_lo, t.y_hi))
     xi, u, y = (rng.uniform(lo, hi).astype(real) for lo, hi in ranges)
