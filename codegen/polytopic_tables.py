@@ -49,7 +49,8 @@ def tables_of(plant: Plant, gains: StandardGains, M: Array, real: str) -> Polyto
     if any(not np.array_equal(value, given[k]) for k, value in (*vars(gains).items(), ("M", M))):
         raise EmitError(f"{plant.name}: the observer's constants are no {real} (found). Design it for {real}.")
     try:
-        weights = weight_program(plant.polytope, real)
+        inputs = plant.polytope.symbols[plant.n_x:plant.n_x + plant.n_u]
+        weights = weight_program(plant.polytope, real, dict(zip(inputs, zip(*plant.limits("u")))))
     except TypeError as error:
         raise EmitError(f"{plant.name}: a weight cannot be printed: {error}. Write it with other functions.") from None
     # z starts at T1 E x0 = (I - T2 C) x0: then x_hat is x0 with its algebraic part from the first measurement.

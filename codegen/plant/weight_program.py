@@ -16,7 +16,7 @@ from codegen.algebra.program import Builder, Program
 from codegen.plant.polytopic import Polytope
 
 
-def weight_program(polytope: Polytope, real: str) -> Program:
+def weight_program(polytope: Polytope, real: str, checked: dict | None = None) -> Program:
     """Return the program of the weights, the known terms and `inside`, over the polytope's symbols.
 
     Parameters
@@ -24,6 +24,8 @@ def weight_program(polytope: Polytope, real: str) -> Program:
     polytope : Polytope
     real : {"float32", "float64"}
         Its constants are numbers of this type.
+    checked : dict, optional
+        Symbol -> its range, of what the input check keeps within it: not checked again.
 
     Returns
     -------
@@ -39,7 +41,8 @@ def weight_program(polytope: Polytope, real: str) -> Program:
     known = [b.value(k.term) for k in polytope.known]
     if polytope.premises:
         truths: list[tuple] = []
-        weights = _tree(b, polytope, truths, real)
+        free = [p for p in polytope.premises if not _kept(p, checked or {})]
+        weights = _tree(b, polytope, truths, real, free or polytope.premises)
         return _rounded(b.done([*weights, *known, b.fold("and", truths)]), real)
     if polytope.softmax:
         exponents = [b.value(w.args[0]) for w in polytope.raw]
@@ -57,13 +60,20 @@ def weight_program(polytope: Polytope, real: str) -> Program:
     return _rounded(b.done([*results, *known, fine]), real)
 
 
-def _tree(b: Builder, polytope: Polytope, truths: list, real: str) -> list[tuple]:
-    """Products of the premises' weights; the first premise is the lowest bit."""
+def _kept(premise, checked: dict) -> bool:
+    """Whether a premise is a symbol that is kept within its bounds already."""
+    lo, hi = checked.get(premise.term, (-np.inf, np.inf))
+    return premise.lo <= lo and hi <= premise.hi
+
+
+def _tree(b: Builder, polytope: Polytope, truths: list, real: str, free) -> list[tuple]:
+    """Products of the premises' weights; the first premise is the lowest bit. Those in ``free`` are checked."""
     weights: list[tuple] = []
     kind, step = np.dtype(real).type, float(np.finfo(real).eps)
     for p in polytope.premises:
         z, slack = b.value(p.term), 8 * step * max(abs(p.lo), abs(p.hi))
-        truths += [b.apply("ge", z, b.constant(p.lo - slack)), b.apply("le", z, b.constant(p.hi + slack))]
+        if p in free:
+            truths += [b.apply("ge", z, b.constant(p.lo - slack)), b.apply("le", z, b.constant(p.hi + slack))]
         # A comparison with NaN is false: then z is its lower bound.
         cut = b.apply("select", b.apply("gt", z, b.constant(p.lo)), z, b.constant(p.lo))
         cut = b.apply("min", cut, b.constant(p.hi))

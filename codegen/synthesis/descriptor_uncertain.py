@@ -121,5 +121,6 @@ def hints(problem: DescriptorProblem, bounds: Bounds, T1: Array) -> str:
             if seen < 1e-7 * max(1.0, abs(s)) and s.real > -bounds.decay:
                 return (f'At vertex "{name}" no gain moves the mode {s.real:.4g}, the decay asked for is '
                         f"{bounds.decay:.4g} (in the scaled time of the design). Ask for less, or measure more.")
-    return ("Ask for a slower decay or larger gains; see residua check on whether the plant is admissible for every "
-            "weight.")
+    steps = ", or sample faster" if bounds.period is not None else ""
+    return (f"Ask for a slower decay or larger gains{steps}; see residua check on whether the plant is admissible for "
+            "every weight.")

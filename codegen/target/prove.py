@@ -32,6 +32,8 @@ OPTIONS = ("-no-autoload-plugins", "-load-module", "from,inout,eva,scope,report"
 PATHS = {"calls": 100_000, "one_step": 100, "one_predict": 100, "refused": 100, "{}_step": 200, "{}_predict": 200,
          "{}_check": 200, "{}_y_accepted": 500}
 
+#: Families without a harness.
+UNPROVED = ("polytopic", "bank", "sliding", "driven")
 ASSERTS = ("state_is_in_box", "answer_is_whole", "nothing_is_written", "refused")  # functions of the harness
 
 
@@ -83,6 +85,9 @@ def prove(folder: str | Path) -> ProofResult:
     record = read_record(folder)
     prefix, inputs = record["prefix"], record["n_u"]
     sources = [f"{prefix}.c", f"prove_{prefix}.c"]
+    if record.get("family") in UNPROVED:
+        raise ToolError(f"{folder}: no harness is made for family {record['family']} (found), expected framers, a "
+                        "point observer, a filter or a set of modes. residua certify, fuzz and validate check it.")
     for name in sources:
         if not (folder / name).is_file():
             raise ToolError(f"{folder / name}: not found. Make the folder again with residua generate.")

@@ -44,8 +44,7 @@ def signals(plant, real, seed=1):
     q[rng.random((RUNS, STEPS)) < 0.005] = plant.n_modes
     theta = parameters(plant, q, rng)
     # Half of the runs see the plant itself, so that there are samples without alarm.
-    for r in range(0, RUNS, 2):
-        y[r] = truth(plant.observed, u[r], q[r] % plant.n_modes, theta[r], rng)
+    y[::2] = truths(plant.observed, u[::2], q[::2] % plant.n_modes, theta[::2], rng)
     return u.astype(real), y.astype(real), q, theta.astype(real)
 
 
@@ -69,18 +68,25 @@ def parameters(plant, q, rng):
     return value
 
 
-def truth(plant, u, q, theta, rng):
-    x = plant.x0_lo + (plant.x0_hi - plant.x0_lo) * rng.random(plant.n_x)
-    lo, hi = plant.limits("y")
-    out = np.empty((STEPS, plant.n_y))
+def truths(plant, u, q, theta, rng):
+    """Outputs of the plant itself, runs side by side; (runs, STEPS, n_y)."""
+    runs, (lo, hi) = len(u), plant.limits("y")
+    x = plant.x0_lo + (plant.x0_hi - plant.x0_lo) * rng.random((runs, plant.n_x))
+    out = np.empty((runs, STEPS, plant.n_y))
     for k in range(STEPS):
-        m = plant.modes[q[k]]
-        out[k] = m.C @ x + m.D @ u[k] + m.Dv @ np.where(rng.random(plant.n_v) < 0.5, m.v_lo, m.v_hi)
-        A, B = m.A, m.B
-        if len(theta[k]):
-            p = np.concatenate([theta[k], [theta[k][i] * theta[k][j] for i, j in m.products]])
-            A, B = A + np.tensordot(p, m.A_theta, 1), B + np.tensordot(p, m.B_theta, 1)
-        x = A @ x + B @ u[k] + m.Bw @ np.where(rng.random(len(m.w_lo)) < 0.5, m.w_lo, m.w_hi)
+        after = np.empty_like(x)
+        for i, m in enumerate(plant.modes):
+            on = q[:, k] == i
+            v, w = (np.where(rng.random((on.sum(), len(a))) < 0.5, a, b) for a, b in ((m.v_lo, m.v_hi),
+                                                                                     (m.w_lo, m.w_hi)))
+            out[on, k] = x[on] @ m.C.T + u[on, k] @ m.D.T + v @ m.Dv.T
+            A, B = m.A, m.B
+            if theta.shape[2]:
+                p = theta[on, k]
+                p = np.concatenate([p, *(p[:, [a]] * p[:, [b]] for a, b in m.products)], axis=1)
+                A, B = A + np.tensordot(p, m.A_theta, 1), B + np.tensordot(p, m.B_theta, 1)
+            after[on] = (A @ x[on, :, None] + B @ u[on, k][:, :, None])[:, :, 0] + w @ m.Bw.T
+        x = after
     return np.clip(out, lo, hi)
 
 

@@ -132,7 +132,7 @@ def test_what_does_not_apply_is_said():
     with pytest.raises(CertificateError, match="T1 for every vertex with 3 pairs"):
         check(tied, faults, made().gains, made().M, made().proof)
     with pytest.raises(DesignError, match="signals.f is empty"):
-        faults_of(plant("disc"))
+        faults_of(replace(plant("disc"), f=()))
     with pytest.raises(DesignError, match="no T1, T2"):
         design_detector(replace(problem, C=problem.C[:, [0, 2, 1]] * [0, 1, 0]), faults, Bounds(10.0, 1.0))
 

@@ -15,7 +15,8 @@ from helpers.tools import need
 from codegen.designs import read_design
 from codegen.emit import files
 from codegen.errors import ToolError, ValidationError
-from codegen.target.prove import judge, prove, require
+from codegen.observers import FAMILIES
+from codegen.target.prove import UNPROVED, judge, prove, require
 
 SMALL = {"sizes": (2, 2, 1, 2), "supervision": GUARDED}
 # Layouts and types take turns in both families; one with a clamp, one with a debounce of any window.
@@ -185,3 +186,11 @@ def test_what_is_missing_is_named(tmp_path, monkeypatch):
     (folder / "prove_cart.c").unlink()
     with pytest.raises(ToolError, match="prove_cart.c: not found"):
         prove(folder)
+
+
+def test_families_without_a_harness_say_so(tmp_path):
+    assert set(UNPROVED) == {name for name, family in FAMILIES.items() if not family.stated}
+    for family in UNPROVED:
+        (tmp_path / "resources.json").write_text(f'{{"prefix": "a", "n_u": 0, "family": "{family}"}}')
+        with pytest.raises(ToolError, match=f"no harness is made for family {family}"):
+            prove(tmp_path)

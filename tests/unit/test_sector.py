@@ -71,7 +71,7 @@ def residual(plant, count=400):
         if not (inside and h.min() >= 0 and h.max() <= 1 and abs(h.sum() - 1) < 1e-14):
             return np.inf
         true = np.array(f(*x, *u, *theta))
-        size = np.array([np.abs(v.A).max(axis=1) for v in p.vertices]).max(axis=0)
+        size = np.array([np.abs(np.hstack([v.A, v.B])).max(axis=1) for v in p.vertices]).max(axis=0)
         worst = max(worst, np.max(np.abs(true - p.right_side(x, u, theta)) / np.maximum(size, 1e-300)))
     return worst
 

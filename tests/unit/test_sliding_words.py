@@ -70,7 +70,7 @@ def test_validation_holds_bounds_to_the_decision(design, outcomes):
     o = found[0]
     wrong = o.trace.mode != o.truth.q
     assert wrong.any() and np.all(unbound(o.truth, o.trace)[wrong]) and not unbound(o.truth, o.trace).all()
-    assert not dropped(o.truth, o.trace).any()
+    assert not dropped("continuous", o.truth, o.trace).any()
     k = int(np.flatnonzero(~unbound(o.truth, o.trace) & (o.trace.age > 8))[0])
     x_hi = o.trace.x_hi.copy()
     x_hi[k] = o.trace.x_lo[k]
@@ -93,5 +93,5 @@ def test_a_log_gets_the_words_of_the_family(design, outcomes, tmp_path):
 def test_comparison_and_proof(design):
     assert [v.options for v in variants() if v.method == "mode-sliding"] == [{}]
     assert dwell_of(design) == 30
-    with pytest.raises(ToolError, match="a mode estimator"):
+    with pytest.raises(ToolError, match="no harness is made for family sliding"):
         prove(FOLDER)
