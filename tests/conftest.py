@@ -14,10 +14,8 @@ from codegen.select import choose
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Few long tests that share little: each goes to the worker that is free. Of other files one worker has all tests, and
-#: makes what they share once. xdist begins with what has most tests, so that these come last and fill the gaps.
-APART = {"test_cli", "test_readme", "test_wheel", "test_sets_whole", "test_continuous", "test_c_tests", "test_vehicle",
-         "test_chevet", "test_search", "test_boards", "test_analyse", "test_coverage", "test_prove", "test_mutate",
-         "test_fuzz", "test_policy", "test_mode_restart"}
+#: makes what they share once.
+APART = {"test_c_tests", "test_continuous", "test_boards", "test_analyse", "test_coverage", "test_prove", "test_fuzz"}
 
 
 def pytest_collection_modifyitems(items):

@@ -38,7 +38,8 @@ def bench(request, tmp_path_factory):
     design = read_design(GENERATED / request.param)
     driver = build(write(design, tmp_path_factory.mktemp(request.param)))
     scenario = next(s for s in design.plant.scenarios if not s.csv)
-    truths = [simulate(design.plant, scenario, seed=seed) for seed in range(SEEDS)]
+    brief = replace(scenario, steps=min(scenario.steps, STEPS))
+    truths = [simulate(design.plant, brief, seed=seed) for seed in range(SEEDS)]
     u, y = (np.stack([getattr(t, name)[:STEPS] for t in truths]).astype(driver.real) for name in "uy")
     y[1, 7] = np.nan  # a missing measurement
     theta = np.stack([t.theta[:STEPS] for t in truths])[:, :, driver.record["theta_columns"]].astype(driver.real)
@@ -156,7 +157,8 @@ def test_what_does_not_fit_is_named(bench):
 def test_validation_drives_all_scenarios_in_one_call(bench):
     """Scenarios of different lengths side by side answer as each alone; the C is called once."""
     design, driver, *_ = bench
-    scenarios = [s for s in design.plant.scenarios if not s.csv]
+    scenarios = [s for s in design.plant.scenarios if not s.csv][:2]
+    design = replace(design, plant=replace(design.plant, scenarios=tuple(scenarios)))
     short = replace(design.plant, scenarios=(replace(scenarios[0], steps=37, fault=()), *scenarios))
     calls, lib = [], driver.lib
 

@@ -203,7 +203,7 @@ def linear_program():
     return ContinuousWidth(continuous_problem(FIRST, tnl=False), 50.0).solve(2.0)
 
 
-@pytest.mark.parametrize(("h", "most"), [(0.0005, 0.0087), (0.005, 0.0191)])
+@pytest.mark.parametrize(("h", "most"), [(0.002, 0.0135), (0.005, 0.0191)])
 def test_widths_at_a_period(linear_program, h, most):
     """Mean x1 over the printed paths, all modes: at most the dossier's figures, less than its scheme on the same run.
 

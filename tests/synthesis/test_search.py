@@ -142,7 +142,7 @@ def test_thresholds_of_all_channels_are_those_of_each(name, calls):
 GENERATED = Path(__file__).parents[2] / "generated"  # a plant that has a committed folder has a design
 #: Without banks, whose thresholds take a campaign of half a minute.
 FOLDERS = {m: f for m, e in METHODS.items() if not (e.framers or e.sets or e.family == "bank")
-           for f in sorted(GENERATED.glob(f"*_{m}"))}
+           for f in sorted(GENERATED.glob(f"*_{m}"), reverse=True)}
 
 
 @pytest.mark.parametrize("method", FOLDERS)
