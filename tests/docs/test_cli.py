@@ -177,7 +177,7 @@ def test_killed_in_the_middle_leaves_nothing_or_the_old(made, kill):
 
 
 def test_progress_is_shown_for_long_work(made, tmp_path):
-    done = residua("run", "zammali_fd", "-o", tmp_path / "z", cwd=made)
+    done = residua("design", "zammali_fd", "-o", tmp_path / "z.json", cwd=made)
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("...") >= 2
 

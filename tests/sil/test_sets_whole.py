@@ -16,14 +16,11 @@ TABLE = TOML.replace('method = "zonotope"', 'method = "zonotope"\ntables = "dwel
 TURN = TOML.replace('method = "zonotope"', 'method = "zonotope"\ntables = "schedule"').replace(
     "[switching]", '[switching]\nschedule = { every = 3, order = ["one", "two", "three"] }').replace(
     'mode = { every = 4, order = ["two", "one"] }', 'mode = { every = 3, order = ["one", "two", "three"] }')
-BLOCKS = TOML.replace('method = "zonotope"', 'method = "zonotope"\ntables = "arbitrary"')
 BOX = TOML.replace('method = "zonotope"', 'method = "zonotope"\nset = "interval"')
 TRACE = TOML.replace('method = "zonotope"', 'method = "ellipsoid"\nweights = "trace"')
-ROUND = TOML.replace('method = "zonotope"', 'method = "ellipsoid"')
 
 
-@pytest.mark.parametrize("text,family", [(TOML, "zonotope"), (TABLE, "thresholds"), (ROUND, "ellipsoid"),
-                                         (BOX, "box"), (TURN, "schedule"), (BLOCKS, "blocks"),
+@pytest.mark.parametrize("text,family", [(TOML, "zonotope"), (BOX, "box"), (TURN, "schedule"),
                                          (TRACE, "ellipsoid_trace")])
 def test_plant_file_to_validated_firmware(text, family, tmp_path):
     path = tmp_path / "pt.toml"
