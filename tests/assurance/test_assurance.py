@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.designs import VARIANTS, stand_in
-from helpers.kept import OTHERS, POINTS, STATED
+from helpers.kept import OTHERS, POINTS, STATED, first_of_each
 from helpers.table_numbers import every_number_of_a_set, every_number_of_the_family
 
 import codegen
@@ -32,7 +32,7 @@ from codegen.plant.load import gallery_folder, load
 
 GENERATED = Path(__file__).resolve().parents[2] / "generated"
 FOLDERS = [f for f in STATED if f not in POINTS + OTHERS]  # of pairs of framers
-names = pytest.mark.parametrize("folder", STATED, ids=lambda f: f.name)
+names = pytest.mark.parametrize("folder", first_of_each(STATED), ids=lambda f: f.name)
 
 
 @cache

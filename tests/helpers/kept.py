@@ -18,6 +18,15 @@ def family_of(folder: Path) -> str:
     return json.loads((folder / "resources.json").read_text(encoding="ascii"))["family"]
 
 
+def first_of_each(folders: list[Path]) -> list[Path]:
+    """Return one folder of each run-time family, with and without parameters: for what takes long."""
+    found = {}
+    for folder in folders:
+        record = json.loads((folder / "resources.json").read_text(encoding="ascii"))
+        found.setdefault((record["family"], record["n_theta"] > 0, "z_lo" in str(record["state"])), folder)
+    return list(found.values())
+
+
 POINTS = [f for f in KEPT if json.loads((f / "design.json").read_text())["tables"]["float32"].get("shape")]
 #: Those of families whose assurance is stated, and whose C is therefore read back and proved.
 STATED = [f for f in KEPT if FAMILIES[family_of(f)].stated]
