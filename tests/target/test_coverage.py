@@ -5,6 +5,7 @@ import shutil
 import pytest
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
+from helpers.kept import first_of_each
 from helpers.scripts import GENERATED, load
 from helpers.tools import need
 
@@ -12,7 +13,7 @@ need("gcc", "gcov", "clang-19", "llvm-cov-19", "llvm-profdata-19")
 coverage = load("coverage")
 
 
-@pytest.mark.parametrize("folder", GENERATED, ids=lambda folder: folder.name)
+@pytest.mark.parametrize("folder", first_of_each(GENERATED), ids=lambda folder: folder.name)
 def test_committed_designs(folder):
     found = coverage.measure(folder)
     assert found.missed == () and found.complete, str(found)
