@@ -218,8 +218,7 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
                 "conditions": list(found.conditions)}}
     tables, certs = ({real: by[real] for real in ("float32", "float64")} for by in (tables, certs))
     target = plant.target
-    supervision = Supervision(debounce=target.debounce, latch=target.latch, recover=target.recover, hold=target.hold,
-                              assures=False)  # thresholds are calibrated
+    supervision = Supervision.of(target, assures=False)  # thresholds are calibrated
     choice = [{"method": name, "design": f"{plant.n_f} observers", "level": max(m["gamma"] for m in certs[target.real][
         "members"]), "relative_width": None, "surely_detected": [None] * plant.n_f, "chosen": True}]
     faults = [{"channel": f.name, "unit": f.unit, "by_delay": [None]} for f in plant.f]  # none is promised to be found

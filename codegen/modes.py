@@ -122,8 +122,7 @@ def driven(plant: Plant, name: str, told: dict, proofs: dict, choice: list, opti
 
 def assembled(plant: Plant, name: str, family: str, tables: dict, certs: dict, choice: list, options: dict) -> Design:
     """A design of tables and certificates; no fault is promised to be found."""
-    target = plant.target
-    supervision = Supervision(debounce=target.debounce, latch=target.latch, recover=target.recover, hold=target.hold)
+    supervision = Supervision.of(plant.target)
     tables, certs = ({real: by[real] for real in ("float32", "float64") if real in by} for by in (tables, certs))
     choice = [row | {"surely_detected": [None] * plant.n_f} for row in choice]
     faults = [{"channel": f.name, "unit": f.unit, "by_delay": [None]} for f in plant.f]

@@ -323,14 +323,14 @@ def array(plant: Plant, key: str, value, shape: tuple[int, ...]) -> Array:
 
 def supervision(plant: Plant, cert: dict) -> Supervision:
     """Alarm handling of the plant file, and the dwell monitor where the claim rests on a dwell time."""
-    t, dwell = plant.target, {}
+    dwell = {}
     if cert["kind"] == "filter":
         dwell = {k: cert[k] for k in ("dwell_add", "dwell_drain", "dwell_limit")}
         dwell |= {"assures": "calibration" not in cert}
     elif cert["kind"] in ("linf", "hinf") and cert["dwell_add"] > cert["dwell_drain"] and cert["rho"] > 1:
         dwell = {"dwell_add": cert["dwell_add"], "dwell_drain": cert["dwell_drain"],
                  "dwell_limit": int(cert["chatter"] * cert["dwell_add"])}
-    return Supervision(debounce=t.debounce, latch=t.latch, recover=t.recover, hold=t.hold, **dwell)
+    return Supervision.of(plant.target, **dwell)
 
 
 def finish(plant: Plant, trials: list[Trial], options: dict, progress: Callable[[str], None]) -> Design:

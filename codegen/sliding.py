@@ -57,8 +57,7 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
         raise CertificateError(f"{plant.name}: {error}") from None
     target = plant.target
     family = FAMILIES[METHODS[name].family]
-    supervision = Supervision(debounce=target.debounce, latch=target.latch, recover=target.recover, hold=target.hold,
-                              assures=False)
+    supervision = Supervision.of(target, assures=False)
     progress(f"{name}: delays and wrong decisions, measured")
     cells = measured(plant, family, supervision, lambda p: tables_of(
         SlidingTables, p, found, settings(p, options | {"slope": chosen["slope"]}), target.real))

@@ -49,6 +49,11 @@ class Supervision:
     dwell_limit: int = 0
     assures: bool = True
 
+    @classmethod
+    def of(cls, target, **rest) -> Supervision:
+        """Alarm handling of a plant file's ``[target]``; ``rest`` are the other fields."""
+        return cls(debounce=target.debounce, latch=target.latch, recover=target.recover, hold=target.hold, **rest)
+
     @property
     def monitors_dwell(self) -> bool:
         """Whether there is a dwell-time monitor."""

@@ -1,13 +1,13 @@
 """The C unit tests of c_tests/, on stand-ins and on every committed design; and mutants that they must kill."""
 
 import importlib.util
-import json
 import re
 from pathlib import Path
 
 import pytest
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
+from helpers.kept import first_of_each
 
 ROOT = Path(__file__).resolve().parents[2]
 spec = importlib.util.spec_from_file_location("c_tests_run", ROOT / "c_tests" / "run.py")
@@ -26,18 +26,13 @@ def test_stand_ins(family, variant, tmp_path):
     assert c_tests.check_folder(folder, tmp_path) == []
 
 
-def first_of_each_family():
-    """Folders whose C is built with sanitizers too: of every run-time family, with and without parameters."""
-    found = {}
-    for folder in c_tests.folders():
-        record = json.loads((folder / "resources.json").read_text(encoding="ascii"))
-        found.setdefault((record["family"], record["n_theta"] > 0), folder)
-    return set(found.values())
+#: Those whose C is built with sanitizers too.
+WHOLE = first_of_each(c_tests.folders())
 
 
 @pytest.mark.parametrize("folder", c_tests.folders(), ids=lambda folder: folder.name)
 def test_committed_designs(folder, tmp_path):
-    builds = c_tests.BUILDS if folder in first_of_each_family() else ("optimised",)
+    builds = c_tests.BUILDS if folder in WHOLE else ("optimised",)
     assert c_tests.check_folder(folder, tmp_path, builds) == []
 
 
