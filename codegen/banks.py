@@ -21,7 +21,7 @@ from .observers.bank import BankTables, Member
 from .observers.runner import outward
 from .plant.model import Plant
 from .plant.weight_program import weight_program
-from .synthesis.bank import AVERAGE, CONFIDENCE, FASTER, GAIN, KEEP, MARGIN, PROBABILITY, inapplicable, member
+from .synthesis.bank import AVERAGE, CONFIDENCE, FASTER, GAIN, KEEP, MARGIN, PROBABILITY, member
 from .synthesis.descriptor_lmi import Bounds
 
 Array = np.ndarray
@@ -198,13 +198,10 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
     Raises
     ------
     DesignError
-        The plant is not of this kind, or a member has no design.
+        A member has no design.
     CertificateError
         The exact check refuses one.
     """
-    reason = inapplicable(plant)
-    if reason is not None:
-        raise DesignError(f'{plant.name}: method "{name}" does not apply: {reason}')
     tables, certs, truths = {}, {}, None
     for real in sorted(("float32", "float64"), key=lambda r: r != plant.target.real):
         draft = drafted(plant, options, real, lambda text: progress(f"{name}: {text}"))

@@ -50,13 +50,10 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
     Raises
     ------
     DesignError
-        The plant is not of this kind.
+        The tables of this plant cannot be made.
     CertificateError
         Modes cannot be told apart within the dwell time, or ages do not fit.
     """
-    reason = METHODS[name].module.inapplicable(plant)
-    if reason is not None:
-        raise DesignError(f'{plant.name}: method "{name}" does not apply: {reason}')
     tables, certs = both(plant, options, lambda text: progress(f"{name}: {text}"))
     t = tables[plant.target.real]
     choice = [{"method": name, "design": f"hypotheses of {t.ages + 1} ages", "level": None, "relative_width": None,

@@ -10,7 +10,6 @@ from .designs import Design, claims_of
 from .errors import CertificateError, DesignError
 from .observers import FAMILIES, Supervision
 from .plant.model import Plant
-from .synthesis import METHODS
 
 #: What proposes and certifies, for methods that have their own.
 MAKERS = {"descriptor-fault-estimation": fault_estimators, "tracking": tracking_designs}
@@ -47,13 +46,10 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
     Raises
     ------
     DesignError
-        The method does not apply, or no observer or no threshold exists.
+        No observer or no threshold exists.
     CertificateError
         None survives rounding.
     """
-    reason = METHODS[name].module.inapplicable(plant)
-    if reason is not None:
-        raise DesignError(f'{plant.name}: method "{name}" does not apply: {reason}')
     progress(f"{name}: {len(plant.polytope.vertices)} vertices, {plant.n_x} states")
     maker = MAKERS.get(name, polytopic_designs)
     proposal, wanted = maker.propose(plant, name, options), plant.target.real

@@ -36,13 +36,10 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
     Raises
     ------
     DesignError
-        The plant is not of this kind, or no gains are found.
+        No gains are found.
     CertificateError
         The gains do not have the levels that the solver states.
     """
-    reason = METHODS[name].module.inapplicable(plant)
-    if reason is not None:
-        raise DesignError(f'{plant.name}: method "{name}" does not apply: {reason}')
     chosen = settings(plant, options)
     progress(f"{name}: gains of {plant.n_modes} modes")
     try:
