@@ -25,9 +25,10 @@ import cvxpy
 import numpy as np
 import scipy
 
-from codegen import pipeline, select
+from codegen import pipeline
 from codegen.errors import ResiduaError
 from codegen.plant.load import gallery_names, load, loads
+from codegen.selection import select
 from codegen.synthesis import METHODS, detection
 
 HERE = Path(__file__).parent

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from . import __version__, bank_claims, filter_designs, polytopic_designs, tracking_designs
+from . import __version__
 from .analysis.detectability import surely_detected
 from .certify import driven_certificate, mode_certificate, set_claims, sliding_claims
 from .certify.claims import check, check_monitor, check_ranges, digest
@@ -29,6 +29,7 @@ from .observers import (
 from .plant.bounded import bounded
 from .plant.load import loads
 from .plant.model import Plant
+from .selection import bank_claims, filter_designs, polytopic_designs, tracking_designs
 
 FORMAT = 1
 

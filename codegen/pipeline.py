@@ -17,7 +17,7 @@ from .observers import FAMILIES
 from .periods import FACTORS, PeriodPoint, curve
 from .plant.load import load
 from .plant.model import Plant
-from .select import choose
+from .selection.select import choose
 from .synthesis import METHODS
 from .synthesis.policy import share_of
 

@@ -10,7 +10,7 @@ from codegen import read_design
 from codegen.emit.package import generate
 from codegen.host.build import build
 from codegen.plant.load import load, loads
-from codegen.select import choose
+from codegen.selection.select import choose
 
 ROOT = Path(__file__).resolve().parents[1]
 #: Few long tests that share little: each goes to the worker that is free. Of other files one worker has all tests, and

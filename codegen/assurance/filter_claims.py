@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from .. import filter_designs
 from ..certify import filter_bounds, filter_model
 from ..certify.exact import Q
+from ..selection import filter_designs
 from .margins import Margin, _pivots, tightest
 
 GAINS = ("M", "G", "L", "K", "Du", "Dy")
@@ -54,7 +54,7 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
         yield "not proved but calibrated", claim(
             "calibrated", "The last row is what simulated runs without fault give; the rows of the starts are proved.",
             "thresholds of the rows before the last >= the estimate; chance and confidence by order statistics",
-            rests, "codegen.filter_calibration.check", [*found["kept"], *found["threshold"]],
+            rests, "codegen.selection.filter_calibration.check", [*found["kept"], *found["threshold"]],
             checks=("read-back", "validation", "target"))
     else:
         yield "while no fault acts no |f_hat| exceeds", claim(

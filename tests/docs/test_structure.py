@@ -23,8 +23,10 @@ ALLOWED = {
     "target": set(),
     "emit": {"observers", "target", "certify"},  # the Gappa script: what offsets leave for rounding
     "host": {"observers", "emit", "target"},  # its batch glue is a template like the rest of the C
+    # Chooses among what the rooms of mathematics offer; a design is what it leaves.
+    "selection": {"algebra", "plant", "synthesis", "certify", "analysis", "observers", "designs", "periods"},
     # Reads back what emit printed; what a filter's certificate is about stands above the rooms.
-    "assurance": {"plant", "analysis", "certify", "emit", "target", "filter_designs"},
+    "assurance": {"plant", "analysis", "certify", "emit", "target", "selection"},
     "report": {"observers", "plant", "analysis", "emit", "certify"},
 }
 

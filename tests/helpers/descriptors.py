@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from codegen.descriptors import design_observer, problem_and_scaling, sampled_observer
 from codegen.designs import Design, read_design
 from codegen.observers import PolytopicObserver, Supervision
 from codegen.plant.load import load
-from codegen.polytopic_designs import certified, check, propose
+from codegen.selection.descriptors import design_observer, problem_and_scaling, sampled_observer
+from codegen.selection.polytopic_designs import certified, check, propose
 from codegen.synthesis.descriptor_lmi import Bounds
 from codegen.synthesis.descriptor_problem import DescriptorProblem, kernel_of
 

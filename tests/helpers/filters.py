@@ -11,8 +11,8 @@ from flint import arb
 
 from codegen.algebra.automaton import arbitrary
 from codegen.certify.filter_model import joint_mode
-from codegen.filter_tables import corners, floats
 from codegen.plant.load import loads
+from codegen.selection.filter_tables import corners, floats
 from codegen.synthesis.hinf_cover import covered_mode
 from codegen.synthesis.hinf_problem import FilterProblem, problem_of
 from codegen.synthesis.hinf_weights import Weight, weight, weighted

@@ -7,7 +7,7 @@ import numpy as np
 from codegen.designs import Design
 from codegen.observers import FAMILIES, Supervision
 from codegen.plant.model import Mode, Plant, Signal, Switching, Target
-from codegen.points import certified, choice_of
+from codegen.selection.points import certified, choice_of
 from helpers.designs import GUARDED
 
 

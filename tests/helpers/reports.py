@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from codegen.analysis.validate import validate
 from codegen.plant.load import load
-from codegen.select import choose
+from codegen.selection.select import choose
 
 # Rounded from designs that the synthesis found.
 GAINS = {"cart": {"L": [[[1.0], [-100.0]], [[1.0], [-90.0]]], "N": [[[-0.0003095], [100.0]], [[-0.0003095], [90.0]]]},

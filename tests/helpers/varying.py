@@ -3,7 +3,7 @@
 import numpy as np
 
 from codegen.plant.load import loads
-from codegen.select import choose
+from codegen.selection.select import choose
 
 HEATER = """
 format = 1

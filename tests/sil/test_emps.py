@@ -56,7 +56,7 @@ def test_bounds_that_are_far_too_narrow_alarm(bench):
     """The quiet is earned: with a tenth of the bounds the training record itself raises alarms."""
     from dataclasses import replace
 
-    from codegen.select import choose
+    from codegen.selection.select import choose
 
     plant = bench[0].plant
     tight = tuple(replace(m, w_lo=(m.w_lo + m.w_hi) / 2 + (m.w_lo - m.w_hi) / 20,

@@ -14,7 +14,6 @@ from helpers.filters import hostile
 from helpers.folders import CXX
 from helpers.tools import need
 
-from codegen import filter_designs
 from codegen.analysis.replay import replay
 from codegen.designs import read_design
 from codegen.errors import CertificateError
@@ -22,6 +21,7 @@ from codegen.host.build import build
 from codegen.plant.load import gallery_folder, load
 from codegen.plant.simulate import simulate
 from codegen.report.filter_words import facts, tables
+from codegen.selection import filter_designs
 
 GENERATED = Path(__file__).resolve().parents[2] / "generated"
 NAMES = ("farhat", "vehicle")

@@ -24,7 +24,7 @@ from codegen.observers.polytopic_step import evaluate
 from codegen.plant.load import gallery_names, load, loads
 from codegen.plant.simulate import simulate
 from codegen.plant.weight_program import weight_program
-from codegen.polytopic_tables import limited, tables_of
+from codegen.selection.polytopic_tables import limited, tables_of
 from codegen.synthesis.descriptor_gains import StandardGains
 
 need("gcc")

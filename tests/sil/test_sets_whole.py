@@ -10,7 +10,7 @@ import codegen
 from codegen.cli import main
 from codegen.errors import DesignError
 from codegen.plant.load import loads
-from codegen.select import choose
+from codegen.selection.select import choose
 
 TABLE = TOML.replace('method = "zonotope"', 'method = "zonotope"\ntables = "dwell"\nrows = 6\nstages = 3')
 TURN = TOML.replace('method = "zonotope"', 'method = "zonotope"\ntables = "schedule"').replace(

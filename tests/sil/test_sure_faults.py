@@ -16,8 +16,8 @@ from codegen.algebra.dwell import fewest_samples
 from codegen.analysis.detectability import surely_detected
 from codegen.analysis.sure_faults import FOLLOWERS, by_sequence
 from codegen.designs import read_design
-from codegen.point_sets import CHOICES
-from codegen.points import certified
+from codegen.selection.point_sets import CHOICES
+from codegen.selection.points import certified
 
 ROOT = Path(__file__).parents[2]
 COMMITTED = [p.parent.name for p in sorted((ROOT / "generated").glob("*/design.json"))

@@ -10,16 +10,16 @@ import pytest
 from helpers import banks
 from helpers.descriptors import example, plant
 
-from codegen.bank_claims import check
 from codegen.certify.bank import isolable, left_square
 from codegen.certify.exact import Q, rational
 from codegen.certify.polytope_error import standard_errors
-from codegen.descriptors import problem_and_scaling
-from codegen.detectors import faults_of
 from codegen.errors import CertificateError
 from codegen.plant.descriptor_many import simulate_many
 from codegen.plant.load import gallery_names, load, loads
 from codegen.plant.simulate import simulate
+from codegen.selection.bank_claims import check
+from codegen.selection.descriptors import problem_and_scaling
+from codegen.selection.detectors import faults_of
 from codegen.synthesis import hminus_hinf
 from codegen.synthesis.bank import inapplicable, member
 from codegen.synthesis.descriptor_gains import StandardGains

@@ -16,7 +16,7 @@ from codegen.certify.freeze import with_offsets
 from codegen.designs import read_design, recheck
 from codegen.errors import CertificateError, ResiduaError
 from codegen.plant.load import load
-from codegen.select import limits
+from codegen.selection.select import limits
 
 SIDES = ("hi", "lo")
 KINDS = {"linf": {"criterion": "linf", "lambda": 0.3}, "width": {"criterion": "width", "contraction": 0.3}}

@@ -17,7 +17,7 @@ import pytest
 
 from codegen.plant.load import load
 from codegen.plant.simulate import simulate
-from codegen.select import choose
+from codegen.selection.select import choose
 from codegen.synthesis import lipschitz
 from codegen.synthesis.lipschitz import lipschitz2, solve
 from codegen.synthesis.policy import iterate

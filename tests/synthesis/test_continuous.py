@@ -17,7 +17,7 @@ from scipy.linalg import expm
 from codegen.errors import DesignError
 from codegen.plant.load import load
 from codegen.plant.simulate import simulate
-from codegen.select import choose
+from codegen.selection.select import choose
 from codegen.synthesis.continuous import ContinuousLinf, ContinuousWidth, continuous_problem, fastest, sampled_gains
 from codegen.synthesis.problem import Problem
 

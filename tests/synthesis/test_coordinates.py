@@ -14,7 +14,7 @@ from codegen.certify import claims
 from codegen.errors import CertificateError, DesignError
 from codegen.observers.framer import propagate, to_x, to_z
 from codegen.plant.load import load, loads
-from codegen.select import choose
+from codegen.selection.select import choose
 
 POINTS = 60
 

@@ -9,11 +9,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from codegen import descriptors
 from codegen.certify.polytope_gain import check
-from codegen.descriptors import design_observer, designed, euler_limit, problem_and_scaling, sampled_observer
 from codegen.errors import CertificateError, DesignError
 from codegen.plant.load import loads
+from codegen.selection import descriptors
+from codegen.selection.descriptors import design_observer, designed, euler_limit, problem_and_scaling, sampled_observer
 from codegen.synthesis import descriptor_discrete
 from codegen.synthesis.descriptor_gains import euler_gains
 from codegen.synthesis.descriptor_lmi import Bounds

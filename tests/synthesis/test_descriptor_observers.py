@@ -12,8 +12,8 @@ import pytest
 from codegen.certify.exact import eye, product, rational
 from codegen.certify.polytope_error import factors as exact_factors
 from codegen.certify.polytope_gain import check, errors_of
-from codegen.descriptors import design_observer, problem_and_scaling
 from codegen.errors import CertificateError, DesignError
+from codegen.selection.descriptors import design_observer, problem_and_scaling
 from codegen.synthesis import descriptor_uncertain
 from codegen.synthesis.descriptor_lmi import Bounds, assembled, solve
 from codegen.synthesis.descriptor_problem import Scaling, kernel_of, pairs_of, visible

@@ -15,7 +15,7 @@ from codegen.certify.freeze import freeze
 from codegen.errors import CertificateError
 from codegen.observers import FramerTables
 from codegen.plant.load import loads
-from codegen.select import limits
+from codegen.selection.select import limits
 
 # Noise that stays far from zero; A so large that gains of either sign leave A - L C nonnegative.
 FAR = """

@@ -18,15 +18,15 @@ from codegen.algebra.program import Builder
 from codegen.certify import fault_bounds, fault_sets
 from codegen.certify.polytope_gain import check as exact_check
 from codegen.certify.program_error import program_errors
-from codegen.descriptors import certified
 from codegen.designs import claims_of, read_design
 from codegen.errors import CertificateError, DesignError, PlantError
-from codegen.fault_estimators import bend_of_steps, check, propose, with_faults
 from codegen.host.build import build
 from codegen.observers.polytopic_step import evaluate
 from codegen.plant.bend import bend
 from codegen.plant.load import gallery_folder, load, loads
 from codegen.plant.simulate import simulate
+from codegen.selection.descriptors import certified
+from codegen.selection.fault_estimators import bend_of_steps, check, propose, with_faults
 from codegen.synthesis.descriptor_fault_estimation import design, gains_of
 from codegen.synthesis.descriptor_lmi import Bounds
 from codegen.synthesis.fault_problem import fault_problem, in_units, inapplicable, told, unmoved, unseen_by

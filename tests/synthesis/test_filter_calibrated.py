@@ -12,7 +12,6 @@ from helpers.filters import hostile
 from helpers.folders import GCC
 
 import codegen
-from codegen import filter_calibration, filter_designs
 from codegen.analysis.calibration import Population, fault_free_runs
 from codegen.analysis.validate import side_by_side, validate
 from codegen.designs import recheck
@@ -20,6 +19,7 @@ from codegen.errors import CertificateError, DesignError
 from codegen.plant.load import load, loads
 from codegen.report.filter_words import facts, tables
 from codegen.report.verdict import verdict
+from codegen.selection import filter_calibration, filter_designs
 
 FARHAT = load("farhat").text
 ASKED = {"threshold": '"calibrated"', "false_alarm": 0.1, "confidence": 0.9, "campaign_steps": 60, "set_rows": 6}

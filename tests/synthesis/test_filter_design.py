@@ -10,14 +10,14 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from codegen import filter_designs
 from codegen.certify import filter_bounds
 from codegen.emit.package import files
 from codegen.errors import CertificateError, DesignError, PlantError
-from codegen.filter_tables import corners, floats
 from codegen.observers.supervisor import BAD_MODE, OK
 from codegen.pipeline import design
 from codegen.plant.load import load, loads
+from codegen.selection import filter_designs
+from codegen.selection.filter_tables import corners, floats
 from codegen.synthesis import METHODS
 from codegen.synthesis.fault_filter import stated
 from tests.helpers.filters import hostile

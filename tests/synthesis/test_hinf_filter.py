@@ -13,8 +13,8 @@ from codegen.algebra.dwell import admissible
 from codegen.analysis.worst_sequence import worst_run
 from codegen.certify.switched_gain import check_gain
 from codegen.errors import CertificateError, DesignError
-from codegen.filters import certify_filter, design_filter
 from codegen.plant.load import load
+from codegen.selection.filters import certify_filter, design_filter
 from codegen.synthesis import hinf_filter, hinf_projection
 from codegen.synthesis.hinf_analysis import stability_margin
 from codegen.synthesis.hinf_condition import conditioned, is_skewed, unscaled

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from codegen.certify.polytope_detection import check
-from codegen.descriptors import problem_and_scaling
-from codegen.detectors import design_detector, faults_of
 from codegen.errors import CertificateError, DesignError
+from codegen.selection.descriptors import problem_and_scaling
+from codegen.selection.detectors import design_detector, faults_of
 from codegen.synthesis import hminus_hinf
 from codegen.synthesis.descriptor_gains import StandardGains
 from codegen.synthesis.descriptor_lmi import Bounds

@@ -16,8 +16,8 @@ from synthesis.test_independent_sets import C, T, Z, spoilt
 from codegen.designs import Design
 from codegen.observers import Supervision, ZonotopeObserver
 from codegen.plant.load import loads
-from codegen.point_sets import sized
-from codegen.points import certified
+from codegen.selection.point_sets import sized
+from codegen.selection.points import certified
 
 PLANT = (resources.files("codegen") / "gallery" / "zammali_zonotope.toml").read_text().partition("[[scenario]]")[0]
 #: Two nilpotent parts whose product grows: in the coordinates of x, bounded only where a mode lasts.

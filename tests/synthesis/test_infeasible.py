@@ -11,7 +11,7 @@ from codegen.errors import DesignError
 from codegen.observers import FramerTables
 from codegen.plant.load import load, loads
 from codegen.plant.simulate import range_violations, simulate
-from codegen.select import choose, limits
+from codegen.selection.select import choose, limits
 from codegen.synthesis import METHODS
 from codegen.synthesis.problem import Problem
 from codegen.synthesis.structure import best_row, obstruction, unseen_growth

@@ -21,7 +21,7 @@ from codegen.plant.detector import detector as detector_of
 from codegen.plant.detector import fault_parameters
 from codegen.plant.load import load
 from codegen.plant.simulate import simulate
-from codegen.select import choose
+from codegen.selection.select import choose
 from codegen.synthesis import coordinates
 from codegen.synthesis.policy import iterate
 from codegen.synthesis.problem import Problem

@@ -17,7 +17,7 @@ import pytest
 from codegen.errors import DesignError
 from codegen.plant.load import load
 from codegen.plant.simulate import simulate
-from codegen.select import choose
+from codegen.selection.select import choose
 from codegen.synthesis.linf import LinfProblem
 from codegen.synthesis.problem import Problem
 from codegen.synthesis.structure import obstruction

@@ -16,9 +16,9 @@ from codegen.certify import mode_certificate
 from codegen.certify.mode_claims import Claims
 from codegen.certify.mode_restart import restarted
 from codegen.errors import CertificateError
-from codegen.modes import certified
 from codegen.observers.mode_set import ModeSet
 from codegen.plant.load import loads
+from codegen.selection.modes import certified
 
 
 @pytest.fixture(scope="module")

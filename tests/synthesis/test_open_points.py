@@ -19,7 +19,7 @@ from codegen.observers import FramerTables
 from codegen.pipeline import design as make
 from codegen.plant.load import gallery_names, load
 from codegen.plant.simulate import told
-from codegen.select import limits
+from codegen.selection.select import limits
 from codegen.synthesis import METHODS
 
 

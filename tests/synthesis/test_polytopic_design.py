@@ -15,8 +15,8 @@ from codegen.errors import CertificateError, DesignError
 from codegen.observers.polytopic_step import step
 from codegen.plant.load import load, loads
 from codegen.plant.simulate import simulate
-from codegen.polytopic_designs import by_steps, certified, check, propose
-from codegen.select import choose
+from codegen.selection.polytopic_designs import by_steps, certified, check, propose
+from codegen.selection.select import choose
 from codegen.synthesis import METHODS
 from codegen.synthesis.descriptor_problem import problem_of
 

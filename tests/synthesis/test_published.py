@@ -20,7 +20,7 @@ from codegen.errors import CertificateError
 from codegen.observers import FramerTables
 from codegen.observers.framer import propagate, residuals
 from codegen.plant.load import load
-from codegen.select import choose, limits
+from codegen.selection.select import choose, limits
 from codegen.synthesis.linf import LinfProblem, gamma, pairwise
 from codegen.synthesis.problem import Problem
 from codegen.synthesis.width import WidthProblem

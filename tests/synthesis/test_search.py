@@ -11,7 +11,7 @@ import pytest
 from cvxpy.reductions.dcp2cone.dcp2cone import Dcp2Cone
 from cvxpy.reductions.solvers.solving_chain import SolvingChain
 
-from codegen import pipeline, select
+from codegen import pipeline
 from codegen.analysis import detectability
 from codegen.analysis.adjoint import ResidualModel
 from codegen.analysis.detectability import along, beginnings, sequences, thresholds
@@ -24,7 +24,8 @@ from codegen.errors import CertificateError
 from codegen.observers import FramerTables
 from codegen.plant.load import gallery_names, load
 from codegen.plant.uncertain import is_uncertain
-from codegen.select import both_sides, limits
+from codegen.selection import select
+from codegen.selection.select import both_sides, limits
 from codegen.synthesis import METHODS, linf, width
 from codegen.synthesis.problem import Problem
 

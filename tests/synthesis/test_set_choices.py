@@ -10,7 +10,7 @@ from synthesis.set_plants import random_path
 from codegen.errors import DesignError
 from codegen.observers import FAMILIES, Supervision
 from codegen.plant.load import load
-from codegen.points import explore
+from codegen.selection.points import explore
 from codegen.synthesis import METHODS, SETS
 
 DATA = Path(__file__).parents[1] / "data"

@@ -43,7 +43,7 @@ from codegen.certify.set_bounds import prove_dwell
 from codegen.errors import CertificateError, DesignError
 from codegen.observers import FAMILIES, Supervision
 from codegen.plant.load import load
-from codegen.points import certified, choice_of
+from codegen.selection.points import certified, choice_of
 
 FAN = zonotope.fan(8)
 

@@ -15,9 +15,9 @@ from codegen.designs import read_design
 from codegen.errors import CertificateError, DesignError
 from codegen.observers import Supervision, ZonotopeObserver
 from codegen.plant.load import load
-from codegen.point_sets import draft, reductions, sized
-from codegen.points import certified
-from codegen.set_simulation import settled, simulated
+from codegen.selection.point_sets import draft, reductions, sized
+from codegen.selection.points import certified
+from codegen.selection.set_simulation import settled, simulated
 
 ORDER = {"order": 5}
 

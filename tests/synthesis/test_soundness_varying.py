@@ -17,7 +17,7 @@ from codegen.certify.freeze import with_offsets
 from codegen.observers import framer
 from codegen.plant.load import load, loads
 from codegen.plant.uncertain import UncertainMode
-from codegen.select import choose
+from codegen.selection.select import choose
 
 VARYING = ("chevet", "buck", "motor", "lamouchi", "lamouchi_detector", "zammali_lpv_dt", "zammali_lpv_ct1",
            "zammali_lpv_quadratic")

@@ -15,7 +15,7 @@ from codegen.errors import CertificateError
 from codegen.observers import FAMILIES, Supervision
 from codegen.observers.ellipsoid_trace import carried, merged, root, weighted
 from codegen.plant.load import load
-from codegen.points import explore
+from codegen.selection.points import explore
 from codegen.synthesis import METHODS
 
 TNL = {"structure": "tnl", "lambda": 0.8, "beta": 0.01}

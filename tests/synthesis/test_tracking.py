@@ -9,7 +9,6 @@ import pytest
 from flint import fmpq
 from helpers.tracking import designed, observer
 
-from codegen import tracking_designs
 from codegen.analysis.closed_loop import closed_loop
 from codegen.certify.exact import rational
 from codegen.certify.peaks import Sums
@@ -19,6 +18,7 @@ from codegen.errors import CertificateError, DesignError
 from codegen.observers.feedback import CUT_INTEGRAL, Tracker
 from codegen.plant.descriptor import Implicit, truth
 from codegen.plant.load import load, loads
+from codegen.selection import tracking_designs
 from codegen.synthesis import METHODS, tracking
 from codegen.synthesis.descriptor_problem import Scaling, problem_of, scaled, sizes
 from codegen.synthesis.tracking import Speed

@@ -16,8 +16,8 @@ from codegen.algebra.cover import Cover, sampled_cover
 from codegen.analysis.worst_sequence import worst_run
 from codegen.certify.switched_gain import check_gain
 from codegen.errors import CertificateError
-from codegen.filters import design_filter
 from codegen.plant.record import DATA_FOLDER
+from codegen.selection.filters import design_filter
 from codegen.synthesis import fault_filter, hinf_filter
 from tests.helpers.filters import bicycle, vehicle, vehicle_data
 from tests.helpers.tools import need

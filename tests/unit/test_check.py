@@ -18,7 +18,7 @@ from codegen import show  # noqa: E402
 from codegen.errors import DesignError  # noqa: E402
 from codegen.plant.load import loads  # noqa: E402
 from codegen.plant.properties import properties  # noqa: E402
-from codegen.select import choose  # noqa: E402
+from codegen.selection.select import choose  # noqa: E402
 from codegen.synthesis import METHODS  # noqa: E402
 
 DISCRETE = HEATER.replace('"continuous"', '"discrete"').replace(", rate = 2", "")

@@ -6,7 +6,7 @@ from helpers.points import TOML
 from codegen.analysis.validate import validate
 from codegen.errors import DesignError, PlantError
 from codegen.plant.load import loads
-from codegen.select import choose
+from codegen.selection.select import choose
 from codegen.synthesis import SETS
 from codegen.synthesis.set_options import check_set_options, readers
 

@@ -8,7 +8,7 @@ import pytest
 from codegen.analysis.validate import episodes, sound_samples
 from codegen.observers import Trace
 from codegen.plant.load import loads
-from codegen.select import choose
+from codegen.selection.select import choose
 
 STILL = """
 format = 1

@@ -8,16 +8,16 @@ from math import sqrt
 
 import numpy as np
 
-from .certify.exact import Q, up
-from .certify.switched_gain import check_gain
-from .errors import CertificateError, DesignError
-from .synthesis import hinf_filter, hinf_projection
-from .synthesis.hinf_analysis import balanced, level_of, rounded, stability_margin
-from .synthesis.hinf_condition import conditioned, is_skewed, unscaled
-from .synthesis.hinf_filter import REMEDY, FilterDesign
-from .synthesis.hinf_problem import FilterProblem, is_slight, without_slight
-from .synthesis.hinf_reduction import reduce_order
-from .synthesis.hinf_weights import post_scaling, scaled
+from ..certify.exact import Q, up
+from ..certify.switched_gain import check_gain
+from ..errors import CertificateError, DesignError
+from ..synthesis import hinf_filter, hinf_projection
+from ..synthesis.hinf_analysis import balanced, level_of, rounded, stability_margin
+from ..synthesis.hinf_condition import conditioned, is_skewed, unscaled
+from ..synthesis.hinf_filter import REMEDY, FilterDesign
+from ..synthesis.hinf_problem import FilterProblem, is_slight, without_slight
+from ..synthesis.hinf_reduction import reduce_order
+from ..synthesis.hinf_weights import post_scaling, scaled
 
 #: Room given to the exact check, in scaled coordinates; the smallest that passes is kept.
 MARGINS = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5)

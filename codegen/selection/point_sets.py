@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from .algebra.bases import bases
-from .algebra.zonotope import KEYS, best_direction, fan
-from .analysis.set_tables import dwell_table
-from .box_sets import boxed
-from .certify import thresholds
-from .certify.ellipsoids import freeze_ellipsoid
-from .certify.order import patterns
-from .certify.reduction import box_certificate, every_sample
-from .certify.set_freeze import freeze_zonotope
-from .errors import DesignError
-from .observers import (
+from ..algebra.bases import bases
+from ..algebra.zonotope import KEYS, best_direction, fan
+from ..analysis.set_tables import dwell_table
+from ..certify import thresholds
+from ..certify.ellipsoids import freeze_ellipsoid
+from ..certify.order import patterns
+from ..certify.reduction import box_certificate, every_sample
+from ..certify.set_freeze import freeze_zonotope
+from ..errors import DesignError
+from ..observers import (
     EllipsoidObserver,
     EllipsoidTables,
     PointTables,
@@ -23,9 +22,10 @@ from .observers import (
     ZonotopeObserver,
     ZonotopeTables,
 )
-from .observers.ellipsoid import sandwich
-from .observers.zonotope import set_work
-from .plant.model import Plant
+from ..observers.ellipsoid import sandwich
+from ..observers.zonotope import set_work
+from ..plant.model import Plant
+from .box_sets import boxed
 from .set_simulation import STEPS, estimate, half_widths, settled, simulated
 from .trace_sets import traced
 

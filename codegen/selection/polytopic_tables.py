@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from .certify import filter_bounds, polytope_bounds, polytope_thresholds
-from .certify.exact import Q, down, rational, up
-from .errors import CertificateError, DesignError, EmitError
+from ..certify import filter_bounds, polytope_bounds, polytope_thresholds
+from ..certify.exact import Q, down, rational, up
+from ..errors import CertificateError, DesignError, EmitError
+from ..observers import PolytopicTables
+from ..plant.model import Plant
+from ..plant.weight_program import weight_program
+from ..synthesis.descriptor_gains import StandardGains
 from .filter_tables import ABOVE, LENGTH, RAISED, Chooser, above, grouped
-from .observers import PolytopicTables
-from .plant.model import Plant
-from .plant.weight_program import weight_program
-from .synthesis.descriptor_gains import StandardGains
 
 Array = np.ndarray
 #: Rows of the set at most, without ``observer.set_rows``: more where so few keep none. Samples in which thresholds may

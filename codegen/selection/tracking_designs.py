@@ -13,20 +13,20 @@ from math import sqrt
 
 import numpy as np
 
-from .certify import polytope_thresholds
-from .certify.exact import product, rational
-from .certify.sampled_vertices import SampledVertices, sampled_vertices
-from .certify.tracking_bounds import Sizes, check_envelope, envelope, start_error
-from .certify.tracking_loop import Loop, check_decay, check_level, loop
-from .errors import CertificateError, DesignError
-from .observers.feedback_law import FeedbackLaw
-from .observers.polytopic_tables import PolytopicTables
-from .plant.model import Plant
+from ..certify import polytope_thresholds
+from ..certify.exact import product, rational
+from ..certify.sampled_vertices import SampledVertices, sampled_vertices
+from ..certify.tracking_bounds import Sizes, check_envelope, envelope, start_error
+from ..certify.tracking_loop import Loop, check_decay, check_level, loop
+from ..errors import CertificateError, DesignError
+from ..observers.feedback_law import FeedbackLaw
+from ..observers.polytopic_tables import PolytopicTables
+from ..plant.model import Plant
+from ..synthesis import tracking, tracking_analysis
+from ..synthesis.descriptor_gains import StandardGains, rounded
+from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled, sizes
+from ..synthesis.tracking import Speed
 from .polytopic_tables import frozen, tables_of
-from .synthesis import tracking, tracking_analysis
-from .synthesis.descriptor_gains import StandardGains, rounded
-from .synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled, sizes
-from .synthesis.tracking import Speed
 
 Array = np.ndarray
 #: Entries of a gain below this share of the largest of their row are zero: the C has fewer terms.

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from .certify import bank as settling
-from .certify.exact import Q
-from .certify.polytope_detection import check as check_detector
+from ..certify import bank as settling
+from ..certify.exact import Q
+from ..certify.polytope_detection import check as check_detector
+from ..errors import CertificateError
+from ..observers.bank import BankTables
+from ..plant.model import Plant
+from ..synthesis.bank import member
+from ..synthesis.descriptor_gains import StandardGains
 from .descriptors import problem_and_scaling
 from .detectors import faults_of
-from .errors import CertificateError
-from .observers.bank import BankTables
-from .plant.model import Plant
-from .synthesis.bank import member
-from .synthesis.descriptor_gains import StandardGains
 
 
 def check(plant: Plant, t: BankTables, cert: dict) -> list[str]:

@@ -14,14 +14,14 @@ from math import sqrt
 
 import numpy as np
 
-from .certify.exact import Q
-from .certify.polytope_gain import check, errors_of
-from .errors import CertificateError, DesignError
-from .synthesis import descriptor_direct, descriptor_discrete, descriptor_error, descriptor_uncertain
-from .synthesis.descriptor_analysis import continuous_level, discrete_level
-from .synthesis.descriptor_gains import DirectGains, StandardGains, direct_gains, euler_gains, standard_gains
-from .synthesis.descriptor_lmi import Bounds, DescriptorDesign
-from .synthesis.descriptor_problem import (
+from ..certify.exact import Q
+from ..certify.polytope_gain import check, errors_of
+from ..errors import CertificateError, DesignError
+from ..synthesis import descriptor_direct, descriptor_discrete, descriptor_error, descriptor_uncertain
+from ..synthesis.descriptor_analysis import continuous_level, discrete_level
+from ..synthesis.descriptor_gains import DirectGains, StandardGains, direct_gains, euler_gains, standard_gains
+from ..synthesis.descriptor_lmi import Bounds, DescriptorDesign
+from ..synthesis.descriptor_problem import (
     DescriptorProblem,
     Scaling,
     plain,

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .analysis.sliding_measure import measured
-from .certify import sliding_claims
-from .designs import Design, claims_of
-from .errors import CertificateError, DesignError
-from .observers import FAMILIES, SlidingTables, Supervision
-from .plant.model import Plant
-from .synthesis import METHODS
-from .synthesis.mode_sliding import TARGET, settings, theorem12
-from .synthesis.sliding_tables import tables_of
+from ..analysis.sliding_measure import measured
+from ..certify import sliding_claims
+from ..designs import Design, claims_of
+from ..errors import CertificateError, DesignError
+from ..observers import FAMILIES, SlidingTables, Supervision
+from ..plant.model import Plant
+from ..synthesis import METHODS
+from ..synthesis.mode_sliding import TARGET, settings, theorem12
+from ..synthesis.sliding_tables import tables_of
 
 REALS = ("float32", "float64")
 

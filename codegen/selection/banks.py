@@ -7,22 +7,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .analysis.calibration import Calibration, Population, calibrate, fault_free_runs, runs_needed
-from .analysis.validate import side_by_side
+from ..analysis.calibration import Calibration, Population, calibrate, fault_free_runs, runs_needed
+from ..analysis.validate import side_by_side
+from ..certify import bank as settling
+from ..certify.exact import rational
+from ..designs import Design
+from ..errors import CertificateError, DesignError
+from ..observers import FAMILIES, Supervision
+from ..observers.bank import BankTables, Member
+from ..observers.runner import outward
+from ..plant.model import Plant
+from ..plant.weight_program import weight_program
+from ..synthesis.bank import AVERAGE, CONFIDENCE, FASTER, GAIN, KEEP, MARGIN, PROBABILITY, member
+from ..synthesis.descriptor_lmi import Bounds
 from .bank_claims import check
-from .certify import bank as settling
-from .certify.exact import rational
 from .descriptors import problem_and_scaling
-from .designs import Design
 from .detectors import CertifiedDetector, faults_of, sampled_detector
-from .errors import CertificateError, DesignError
-from .observers import FAMILIES, Supervision
-from .observers.bank import BankTables, Member
-from .observers.runner import outward
-from .plant.model import Plant
-from .plant.weight_program import weight_program
-from .synthesis.bank import AVERAGE, CONFIDENCE, FASTER, GAIN, KEEP, MARGIN, PROBABILITY, member
-from .synthesis.descriptor_lmi import Bounds
 
 Array = np.ndarray
 #: Samples of a fault-free run that are judged.

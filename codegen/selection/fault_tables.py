@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 from flint import fmpq
 
-from .certify import fault_bounds, fault_sets
-from .certify.exact import Q, rational, up
-from .certify.polytope_thresholds import graph_of
-from .errors import DesignError
+from ..certify import fault_bounds, fault_sets
+from ..certify.exact import Q, rational, up
+from ..certify.polytope_thresholds import graph_of
+from ..errors import DesignError
+from ..observers import PolytopicTables
+from ..plant.model import Plant
+from ..synthesis.fault_set import kept_ellipsoid
 from .filter_tables import LENGTH, Chooser, above, floats
-from .observers import PolytopicTables
-from .plant.model import Plant
 from .polytopic_tables import limited
-from .synthesis.fault_set import kept_ellipsoid
 
 Array = np.ndarray
 #: Limits of z beyond where it can be without a fault, in what runs of the error reach; samples of a table at most;

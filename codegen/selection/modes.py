@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 
-from .certify import mode_certificate
-from .designs import Design, claims_of
-from .errors import CertificateError, DesignError
-from .observers import FAMILIES, DrivenTables, ModeTables, Supervision
-from .plant.bounded import bounded
-from .plant.model import Plant
-from .synthesis import METHODS
-from .synthesis.driven_tables import joined
-from .synthesis.mode_set import HORIZON, OLDEST
-from .synthesis.mode_tables import tables_of
+from ..certify import mode_certificate
+from ..designs import Design, claims_of
+from ..errors import CertificateError, DesignError
+from ..observers import FAMILIES, DrivenTables, ModeTables, Supervision
+from ..plant.bounded import bounded
+from ..plant.model import Plant
+from ..synthesis import METHODS
+from ..synthesis.driven_tables import joined
+from ..synthesis.mode_set import HORIZON, OLDEST
+from ..synthesis.mode_tables import tables_of
 
 
 def certified(plant: Plant, options: dict, real: str, ages: int | None, widths=None) -> tuple[ModeTables, dict]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from .certify import trace_ellipsoids
-from .certify.order import patterns
-from .errors import DesignError
-from .observers import EllipsoidTraceObserver, PointTables, Supervision, TraceTables
-from .plant.model import Plant
+from ..certify import trace_ellipsoids
+from ..certify.order import patterns
+from ..errors import DesignError
+from ..observers import EllipsoidTraceObserver, PointTables, Supervision, TraceTables
+from ..plant.model import Plant
 from .set_simulation import STEPS, estimate, half_widths, settled, simulated
 
 Array = np.ndarray

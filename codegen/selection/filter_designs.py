@@ -8,17 +8,17 @@ from types import SimpleNamespace
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
+from ..analysis.worst_sequence import worst_run
+from ..certify import filter_bounds, switched_gain
+from ..certify.exact import Q, up
+from ..errors import CertificateError
+from ..observers import FilterTables
+from ..plant.model import Plant
+from ..synthesis.fault_filter import copies, stated, with_copy
+from ..synthesis.hinf_analysis import closed_loop
 from . import filter_calibration
-from .analysis.worst_sequence import worst_run
-from .certify import filter_bounds, switched_gain
-from .certify.exact import Q, up
-from .errors import CertificateError
 from .filter_tables import frozen
 from .filters import certify_proposal, propose
-from .observers import FilterTables
-from .plant.model import Plant
-from .synthesis.fault_filter import copies, stated, with_copy
-from .synthesis.hinf_analysis import closed_loop
 
 SYNTHESES = ("slack", "projection")
 

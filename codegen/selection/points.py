@@ -8,17 +8,17 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from .algebra.dwell import fewest_samples
+from ..algebra.dwell import fewest_samples
+from ..certify import set_claims
+from ..errors import CertificateError, DesignError
+from ..observers import PointTables
+from ..plant.model import Plant
+from ..synthesis.ellipsoid import no_tnl
+from ..synthesis.point import PointGains
+from ..synthesis.refit import refit
+from ..synthesis.set_options import check_set_options
 from .box_sets import with_box
-from .certify import set_claims
-from .errors import CertificateError, DesignError
-from .observers import PointTables
-from .plant.model import Plant
 from .point_sets import draft, with_ellipsoid
-from .synthesis.ellipsoid import no_tnl
-from .synthesis.point import PointGains
-from .synthesis.refit import refit
-from .synthesis.set_options import check_set_options
 from .table_sets import CHOICES, TABLES
 from .trace_sets import with_trace
 

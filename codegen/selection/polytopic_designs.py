@@ -11,21 +11,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..certify import polytope_thresholds
+from ..certify.polytope_gain import check as check_energy
+from ..errors import CertificateError, DesignError
+from ..observers import PolytopicTables
+from ..plant.model import Plant
+from ..synthesis import hminus_hinf
+from ..synthesis.descriptor_gains import StandardGains, euler_gains, rounded, standard_gains
+from ..synthesis.descriptor_lmi import Bounds
+from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled, scaling_of, sizes
+from ..synthesis.hminus_hinf import Faults
 from . import fault_estimators
-from .certify import polytope_thresholds
-from .certify.polytope_gain import check as check_energy
 from .descriptors import DESIGNS, SPARE, euler_limit, problem_and_scaling
 from .descriptors import certified as certified_energy
 from .detectors import faults_of
-from .errors import CertificateError, DesignError
-from .observers import PolytopicTables
-from .plant.model import Plant
 from .polytopic_tables import frozen, tables_of
-from .synthesis import hminus_hinf
-from .synthesis.descriptor_gains import StandardGains, euler_gains, rounded, standard_gains
-from .synthesis.descriptor_lmi import Bounds
-from .synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled, scaling_of, sizes
-from .synthesis.hminus_hinf import Faults
 
 Array = np.ndarray
 #: Where the plant file says nothing: largest gain, in the units of the design; decay as a share of the slowest mode's.

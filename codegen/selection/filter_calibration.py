@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from .analysis.calibration import Calibration, Population, campaign, confidence, fault_free_runs
-from .analysis.validate import side_by_side
-from .errors import CertificateError, DesignError
+from ..analysis.calibration import Calibration, Population, campaign, confidence, fault_free_runs
+from ..analysis.validate import side_by_side
+from ..errors import CertificateError, DesignError
+from ..observers import FilterObserver, FilterTables, Supervision
+from ..plant.model import Plant
 from .filter_tables import above
-from .observers import FilterObserver, FilterTables, Supervision
-from .plant.model import Plant
 
 Array = np.ndarray
 #: Where the plant file says nothing: chance of a false alarm in a run, confidence, samples of a run, rank.

@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .certify import fault_sets
-from .errors import DesignError, PlantError
+from ..certify import fault_sets
+from ..errors import DesignError, PlantError
+from ..observers import PolytopicTables
+from ..plant.bend import bend as bend_of
+from ..plant.model import Plant
+from ..synthesis.descriptor_fault_estimation import FaultDesign, design, gains_of
+from ..synthesis.descriptor_lmi import Bounds
+from ..synthesis.descriptor_problem import Scaling
+from ..synthesis.fault_problem import FaultProblem, fault_problem, in_units, unmoved
 from .fault_tables import frozen
-from .observers import PolytopicTables
-from .plant.bend import bend as bend_of
-from .plant.model import Plant
 from .polytopic_tables import tables_of
-from .synthesis.descriptor_fault_estimation import FaultDesign, design, gains_of
-from .synthesis.descriptor_lmi import Bounds
-from .synthesis.descriptor_problem import Scaling
-from .synthesis.fault_problem import FaultProblem, fault_problem, in_units, unmoved
 
 Array = np.ndarray
 #: Where the plant file says nothing: largest gain, in the units of the design; decay as a share of what no observer

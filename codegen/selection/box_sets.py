@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import minimize
 
-from .certify.boxes import freeze_box
-from .certify.order import patterns
-from .errors import DesignError
-from .observers import BoxObserver, BoxTables, PointTables
-from .plant.model import Plant
+from ..certify.boxes import freeze_box
+from ..certify.order import patterns
+from ..errors import DesignError
+from ..observers import BoxObserver, BoxTables, PointTables
+from ..plant.model import Plant
 from .set_simulation import STEPS, estimate, half_widths, settled, simulated
 
 Array = np.ndarray

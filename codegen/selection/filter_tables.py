@@ -8,13 +8,13 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from .algebra.template_set import combinations, independent, largest, walks
-from .certify import filter_bounds
-from .certify.exact import Q, down, up
-from .certify.filter_model import JointMode, boxes, joint, joint_mode, parts
-from .errors import CertificateError, DesignError
-from .observers import FilterTables
-from .plant.model import Plant
+from ..algebra.template_set import combinations, independent, largest, walks
+from ..certify import filter_bounds
+from ..certify.exact import Q, down, up
+from ..certify.filter_model import JointMode, boxes, joint, joint_mode, parts
+from ..errors import CertificateError, DesignError
+from ..observers import FilterTables
+from ..plant.model import Plant
 
 Array = np.ndarray
 #: Most rows of the set; fewer where its thresholds are that close to what a run reaches. Rows added at a time.

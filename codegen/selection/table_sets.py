@@ -6,14 +6,14 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from ..analysis.set_blocks import block_table
+from ..analysis.set_schedule import PhaseTable, phase_table
+from ..certify import blocks, schedules, thresholds
+from ..certify.order import patterns
+from ..errors import DesignError
+from ..observers import BlockObserver, BlockTables, PointTables, ScheduleTables, Supervision
+from ..plant.model import Plant
 from . import point_sets
-from .analysis.set_blocks import block_table
-from .analysis.set_schedule import PhaseTable, phase_table
-from .certify import blocks, schedules, thresholds
-from .certify.order import patterns
-from .errors import DesignError
-from .observers import BlockObserver, BlockTables, PointTables, ScheduleTables, Supervision
-from .plant.model import Plant
 from .point_sets import MOST_COLUMNS, ROWS, TABLE_MARGIN, compared, with_table
 from .set_simulation import STEPS, estimate, settled
 

@@ -7,16 +7,16 @@ from math import sqrt
 
 import numpy as np
 
-from .certify.exact import Q
-from .certify.polytope_detection import check, fault_model, level_model
+from ..certify.exact import Q
+from ..certify.polytope_detection import check, fault_model, level_model
+from ..errors import CertificateError, DesignError
+from ..synthesis import hminus_hinf
+from ..synthesis.descriptor_analysis import continuous_level, discrete_level, sensitivity_level
+from ..synthesis.descriptor_gains import StandardGains, euler_gains, rounded
+from ..synthesis.descriptor_lmi import Bounds
+from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, plain, scaled
+from ..synthesis.hminus_hinf import Faults
 from .descriptors import MARGINS, SPARE, shrinking
-from .errors import CertificateError, DesignError
-from .synthesis import hminus_hinf
-from .synthesis.descriptor_analysis import continuous_level, discrete_level, sensitivity_level
-from .synthesis.descriptor_gains import StandardGains, euler_gains, rounded
-from .synthesis.descriptor_lmi import Bounds
-from .synthesis.descriptor_problem import DescriptorProblem, Scaling, plain, scaled
-from .synthesis.hminus_hinf import Faults
 
 Array = np.ndarray
 #: Share of the decay that Euler steps are asked to keep, in the norm in which the level is proved.

@@ -7,21 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..algebra.dwell import ratio, shortest
+from ..analysis.detectability import SureFault, limited, surely_detected
+from ..analysis.quick import QuickJudge
+from ..certify.claims import prove, ultimate_width
+from ..certify.freeze import freeze, limits
+from ..designs import Design, claims_of
+from ..errors import CertificateError, DesignError
+from ..observers import FAMILIES, FramerTables, Supervision
+from ..periods import longest
+from ..plant.model import Plant
+from ..plant.uncertain import is_uncertain
+from ..synthesis import METHODS, check_options, known_options
+from ..synthesis.linf import pairwise
+from ..synthesis.problem import Candidate, Problem
 from . import banks, filter_designs, modes, points, polytopes, sliding
-from .algebra.dwell import ratio, shortest
-from .analysis.detectability import SureFault, limited, surely_detected
-from .analysis.quick import QuickJudge
-from .certify.claims import prove, ultimate_width
-from .certify.freeze import freeze, limits
-from .designs import Design, claims_of
-from .errors import CertificateError, DesignError
-from .observers import FAMILIES, FramerTables, Supervision
-from .periods import longest
-from .plant.model import Plant
-from .plant.uncertain import is_uncertain
-from .synthesis import METHODS, check_options, known_options
-from .synthesis.linf import pairwise
-from .synthesis.problem import Candidate, Problem
 
 Array = np.ndarray
 WITHIN = 3  # samples after the onset, where the plant file does not say

@@ -9,10 +9,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from .certify.freeze import limits
-from .certify.set_freeze import freeze_estimate
-from .observers import PointTables, Supervision
-from .plant.model import Plant
+from ..certify.freeze import limits
+from ..certify.set_freeze import freeze_estimate
+from ..observers import PointTables, Supervision
+from ..plant.model import Plant
 
 Array = np.ndarray
 STEPS = 60  # of a mode sequence

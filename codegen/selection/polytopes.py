@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from ..analysis.detectability import surely_detected
+from ..designs import Design, claims_of
+from ..errors import CertificateError, DesignError
+from ..observers import FAMILIES, Supervision
+from ..plant.model import Plant
 from . import fault_estimators, polytopic_designs, tracking_designs
-from .analysis.detectability import surely_detected
-from .designs import Design, claims_of
-from .errors import CertificateError, DesignError
-from .observers import FAMILIES, Supervision
-from .plant.model import Plant
 
 #: What proposes and certifies, for methods that have their own.
 MAKERS = {"descriptor-fault-estimation": fault_estimators, "tracking": tracking_designs}
