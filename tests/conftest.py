@@ -5,10 +5,9 @@ import os
 from pathlib import Path
 
 import pytest
+from helpers.folders import built
 
 from codegen import read_design
-from codegen.emit.package import generate
-from codegen.host.build import build
 from codegen.plant.load import load, loads
 from codegen.selection.select import choose
 
@@ -69,7 +68,7 @@ class Workshop:
         """The compiled C of a design."""
         if (design.digest, real) not in self.drivers:
             name = f"{design.digest[:16]}_{real}_{os.getpid()}"
-            self.drivers[design.digest, real] = build(generate(design, self.folder / name, real=real))
+            self.drivers[design.digest, real] = built(design, self.folder / name, real, design.plant.target.layout)
         return self.drivers[design.digest, real]
 
 

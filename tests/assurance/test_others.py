@@ -14,7 +14,7 @@ from codegen.assurance.c_reader import blank
 from codegen.assurance.claims import OWN, claims
 from codegen.assurance.places import constants
 from codegen.designs import read_design
-from codegen.emit.package import files
+from codegen.emit.package import firmware
 from codegen.errors import CertificateError
 from codegen.observers import FAMILIES
 
@@ -32,7 +32,7 @@ def design_of(name):
 def printed(name, layout, real="float32"):
     """C that is accepted as it is, with its constants."""
     design = design_of(name)
-    p, texts = design.plant.target.prefix, files(design, real, layout, measure=False)
+    p, texts = design.plant.target.prefix, firmware(design, real, layout)
     return texts[f"{p}.c"], texts[f"{p}.h"], constants(design, real, layout, texts[f"{p}.c"], texts[f"{p}.h"])
 
 
