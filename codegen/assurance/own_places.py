@@ -50,7 +50,8 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
     """
     same_tree(source, read(d.prefix, render(f"{d.family}.c.jinja", d=d), render(d.header, d=d)))
     if design.observer.family == "polytopic":  # its sums are statements, read one by one
-        read_tables(source, d.real, {}, [], read_apart | read_polytopic(source, d.prefix, t, found), set(), set(), found)
+        read_apart |= read_polytopic(source, d.prefix, t, found)
+        read_tables(source, d.real, {}, [], read_apart, set(), set(), found)
         return
     every = {f.name: getattr(t, f.name) for f in fields(t)}
     known = {k: v for k, v in every.items() if isinstance(v, np.ndarray) and k not in UNPRINTED | OFFLINE}

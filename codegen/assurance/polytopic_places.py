@@ -213,8 +213,8 @@ class _Reader:
 
     def refuse(self, line: int, words: str) -> None:
         """Raise."""
-        raise CertificateError(f"{self.source.name}{f':{line}' if line else ''}: {words} (found), expected the C of the "
-                               "design. Print it again.")
+        where = f"{self.source.name}:{line}" if line else self.source.name
+        raise CertificateError(f"{where}: {words} (found), expected the C of the design. Print it again.")
 
 
 def _outside_loops(node: Node) -> Iterator[Node]:

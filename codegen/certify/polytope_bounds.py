@@ -19,7 +19,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from flint import fmpq
 
 from .exact import Q, eye, product, rational, zeros
 from .filter_model import JointMode

@@ -68,18 +68,14 @@ def fuzz_harness(record: dict) -> str:
                          initialiser(np.array(record["ranges"][name], dtype=real), real))
                    for name in RANGES if record["ranges"].get(name))
     if "law" in record:
-        most = np.array(record["law"]["reference"], dtype=real)
-        ranges += tuple(Range(name, "[]", initialiser(end, real)) for name, end in (("ref_lo", -most), ("ref_hi", most)))
-        limit = np.array(record["law"]["limit"], dtype=real)
-        ranges += tuple(Range(name, "[]", initialiser(end, real)) for name, end in (("law_lo", -limit),
-                                                                                   ("law_hi", limit)))
+        ref, limit = (np.array(record["law"][name], dtype=real) for name in ("reference", "limit"))
+        ends = {"ref_lo": -ref, "ref_hi": ref, "law_lo": -limit, "law_hi": limit}
+        ranges += tuple(Range(name, "[]", initialiser(end, real)) for name, end in ends.items())
     told = tuple(name for name, *_ in record["in"] if name == "mode")
-    return render("harness/fuzz.c.jinja", h=FuzzView(record["prefix"], macro, ranges,
-                                                     (f"{macro}_NU",) if record["n_u"] else (),
-                                                     (f"{macro}_NTHETA",) if record["n_theta"] else (),
-                                                     told, "in->mode" if told else "0U",
-                                                     ("x",) if "x_lo" in answers else (),
-                                                     () if "x_lo" in answers else tuple(
-                                                         name for name, kind, _ in record["out"] if kind == "real"),
-                                                     () if record.get("faults") else ("",),
-                                                     (f"{macro}_NREF",) if "law" in record else ()))
+    framed = "x_lo" in answers
+    numbers = tuple(name for name, kind, _ in record["out"] if kind == "real")
+    return render("harness/fuzz.c.jinja", h=FuzzView(
+        record["prefix"], macro, ranges, (f"{macro}_NU",) if record["n_u"] else (),
+        (f"{macro}_NTHETA",) if record["n_theta"] else (), told, "in->mode" if told else "0U",
+        ("x",) if framed else (), () if framed else numbers, () if record.get("faults") else ("",),
+        (f"{macro}_NREF",) if "law" in record else ()))

@@ -54,8 +54,8 @@ class HarnessView:
     ``least`` and ``most`` are initialisers of the state struct, one per member; ``numbers`` and ``words`` are
     its elements by type. ``given`` are numbers of an error set, which start between their ends but are not shown to
     stay there (``set_ranges``); ``about`` are the lines of the comment that says what does. ``told`` is the member of
-    the input that is the mode, where it has one. ``by_predict`` is zero where predict refuses anything, else nothing. ``laws`` is a tracking law,
-    where there is one.
+    the input that is the mode, where it has one. ``by_predict`` is zero where predict refuses anything, else nothing.
+    ``laws`` is a tracking law, where there is one.
     """
 
     interval: str

@@ -88,14 +88,16 @@ def prove(folder: str | Path) -> ProofResult:
     sources = [f"{prefix}.c", f"prove_{prefix}.c"]
     if record.get("family") in UNPROVED:
         raise ToolError(f"{folder}: no harness is made for family {record['family']} (found), expected framers, a "
-                        "point or polytopic observer, a filter or a set of modes. residua certify, fuzz and validate check it.")
+                        "point or polytopic observer, a filter or a set of modes. residua certify, fuzz and validate "
+                        "check it.")
     for name in sources:
         if not (folder / name).is_file():
             raise ToolError(f"{folder / name}: not found. Make the folder again with residua generate.")
     paths = PATHS | ({"{}_u_accepted": 500} if inputs else {})
     paths |= {"{}_theta_accepted": 500} if record.get("n_theta") else {}
+    if "law" in record:
+        paths |= {"one_tracked": 100, "one_coasted": 100, "law_refused": 100, "{}_track": 200, "{}_coast": 200}
     apart = ",".join(f"{name.format(prefix)}:{count}" for name, count in paths.items())
-    paths |= {"one_tracked": 100, "one_coasted": 100, "law_refused": 100, "{}_track": 200} if "law" in record else {}
     longest = max([64, *(count + 1 for _, _, count in record.get("state", ()))])  # loops over an error set too
     version = _run(["-version"], folder).split()[0]
     begin = time.monotonic()
@@ -141,7 +143,8 @@ def require(result: ProofResult) -> None:
                               f"{result.alarms[0]}. Print the C again; if that does not help, report it.")
 
 
-def judge(rows: list[dict], said: str, prefix: str, calls: tuple[str, ...] = CALLS) -> tuple[tuple[str, ...], dict[str, int]]:
+def judge(rows: list[dict], said: str, prefix: str,
+          calls: tuple[str, ...] = CALLS) -> tuple[tuple[str, ...], dict[str, int]]:
     """Read Frama-C's list of properties.
 
     Parameters
