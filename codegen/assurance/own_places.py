@@ -1,4 +1,4 @@
-"""Where every constant of a filter or of a mode estimator stands in its C.
+"""Where every constant of a filter, of a mode estimator or of a polytopic observer stands in its C.
 
 The maps of a filter are executed with symbols, as those of framers are (``places``). All the rest, and a mode estimator
 whole, is the same text for all numbers: its tables are read number for number, and all that is no number must be the
@@ -16,6 +16,7 @@ from ..emit.maps import MapSpec, Names
 from ..emit.render import render
 from .c_reader import Source, read
 from .point_places import UNPRINTED, read_tables, require_all, same_tree
+from .polytopic_places import read_polytopic
 
 #: Fields of the tables that are no constants of the C: coordinates in which the boxes are stated.
 OFFLINE = {"S"}
@@ -24,7 +25,7 @@ READ_BY_MAPS = {"M", "G", "L", "K", "Du", "Dy"}
 
 
 def maps(family: str, t, names: Names, d) -> tuple[MapSpec, ...]:
-    """The affine maps that can be executed with symbols; none of a mode estimator, whose boxes take turns."""
+    """The affine maps that can be executed with symbols; of others than filters there are none."""
     return filter_parts.maps(t, names, next(z.faults for z in d.sets)) if family == "filter" else ()
 
 
@@ -48,6 +49,10 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
         A number, a table or anything else differs from the tables or from the C as it is printed.
     """
     same_tree(source, read(d.prefix, render(f"{d.family}.c.jinja", d=d), render(d.header, d=d)))
+    if design.observer.family == "polytopic":  # its sums are statements, read one by one
+        read_apart |= read_polytopic(source, d.prefix, t, found)
+        read_tables(source, d.real, {}, [], read_apart, set(), set(), found)
+        return
     every = {f.name: getattr(t, f.name) for f in fields(t)}
     known = {k: v for k, v in every.items() if isinstance(v, np.ndarray) and k not in UNPRINTED | OFFLINE}
     seen = set(READ_BY_MAPS) if design.observer.family == "filter" else set()

@@ -84,7 +84,7 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
                     read_varying(source, spec, t, q, mode, found)
                 else:
                     _read_map(source, spec, q, mode, found)
-        _read_checks(source, d, names.modes, t, found)
+        _read_checks(source, d, names.modes or ("",), t, found)
         if whole:
             apart = {f for f in source.functions if f.startswith(tuple(spec.name for spec in specs))}
             apart |= {c.name for c in d.checks}

@@ -6,7 +6,7 @@ tables -> ``Ranges``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,11 +27,14 @@ class Ranges:
         Member -> largest value, which Eva shows to stay.
     about : tuple of str
         Lines that say what keeps the numbers there.
+    kept : dict
+        Member -> (least, most) of numbers that the C cuts to these ends, which Eva shows to stay.
     """
 
     numbers: dict
     words: dict
     about: tuple[str, ...]
+    kept: dict = field(default_factory=dict)
 
 
 NONE = Ranges({}, {}, ())
@@ -58,7 +61,7 @@ def of(family: str, t, members: dict[str, str]) -> Ranges:
         A member has no range.
     """
     made = RANGES.get(family, within_limits)(t, members)
-    unknown = [name for name in members if name not in made.numbers and name not in made.words]
+    unknown = [name for name in members if name not in made.numbers | made.words | made.kept]
     if unknown:
         raise EmitError(f"{family}: members {', '.join(unknown)} of the state have no range for Frama-C (expected one "
                         "each). Add the family to codegen/emit/set_ranges.py.")
@@ -154,10 +157,17 @@ def carried(t) -> Array:
     return (1.001 * out).astype(t.dtype)
 
 
+def polytopic(t, members: dict[str, str]) -> Ranges:
+    """The state of a polytopic observer, cut to its limits in every call, and the count of the table of thresholds."""
+    return Ranges({}, {"since": t.last << t.shift}, (
+        "The state of the observer is cut to its limits, which Eva shows to hold; weights are what it finds for the",
+        "program of the C over all estimates that are possible from there."), {"z": (t.z_lo, t.z_hi)})
+
+
 def _origin(t) -> dict:
     return {"origin": t.origins - 1} if t.kind == "tnl" else {}
 
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
-          "mode": modes}
+          "mode": modes, "polytopic": polytopic}

@@ -13,7 +13,9 @@ from helpers.scripts import prefix_of
 from helpers.tools import need
 
 from codegen.designs import read_design
-from codegen.emit import files
+from codegen.emit.harness import harness
+from codegen.emit.render import render
+from codegen.emit.view import build
 from codegen.errors import ToolError, ValidationError
 from codegen.observers import FAMILIES
 from codegen.target.prove import UNPROVED, judge, prove, require
@@ -40,12 +42,13 @@ def test_every_kept_design_is_proved(folder, tmp_path):
     prefix = design.plant.target.prefix
     copy = Path(shutil.copytree(folder, tmp_path / "copy"))
     name = f"prove_{prefix}.c"
-    (copy / name).write_text(files(design, measure=False)[name], encoding="ascii")
+    view = build(design)
+    (copy / name).write_text(render("harness/eva.c.jinja", d=view, e=harness(design, view)), encoding="ascii")
     result = prove(copy)
     assert result.proved, result.alarms
     # Of zammali_lpv_dt Eva proves that no framer can reach the ends of the ranges: the cut has nothing to do.
     # Of point observers it proves that no index of the set needs its guard against an upset of the memory.
-    # So it does of the row of a filter's table, and of the mode decided last.
+    # So it does of the row of a filter's table, of the mode decided last, and of the guard of a division.
     known = folder in POINTS + OTHERS
     assert result.coverage >= (99 if "zammali_lpv_dt" in prefix or known else 100)
     assert result.seconds > 0 and result.version.startswith("2")
@@ -124,6 +127,28 @@ def test_what_is_wrong_of_filters_and_boxes_is_not_proved(mutant, tmp_path):
         write(small_modes.stand_in("one input", 1), folder)
     rewrite(folder, f"{prefix_of(folder)}.c", pattern, text, 0)
     result = prove(folder)
+    assert not result.proved and any(re.search(words, alarm) for alarm in result.alarms), result.alarms
+
+
+POLYTOPIC_MUTANTS = {  # of a law beside an observer, of one that divides: what of the C, what instead, Eva's words
+    "as it is": ("quadrotor", "", "", ""),
+    "a weight of any size": ("disc", r"\? t0 : 0\.0F", "? (3e38F * x_hat[3]) : 0.0F", "is_finite"),
+    "division by anything": ("digester", r"4\.62468F - x_hat\[3\]", "2.0F - x_hat[3]", "is_finite"),
+    "an integral without end": ("quadrotor", r"law->s\[i\] = limit\[i\];", "law->s[i] = next[i];", "law->s"),
+    "a refusal that writes": ("quadrotor", r"(    if \(!\w+_ref_accepted\(ref\)\)\n    \{)", r"\1 law->s[0] = 0.0F;",
+                              "initialized")}
+
+
+@pytest.mark.parametrize("mutant", POLYTOPIC_MUTANTS)
+def test_what_is_wrong_of_a_polytopic_observer_is_not_proved(mutant, tmp_path):
+    need("frama-c")
+    plant, pattern, text, words = POLYTOPIC_MUTANTS[mutant]
+    folder = shutil.copytree(next(f for f in OTHERS if f.name.startswith(f"{plant}_")), tmp_path / "copy")
+    rewrite(folder, f"{prefix_of(folder)}.c", pattern, text)
+    result = prove(folder)
+    if not pattern:
+        assert result.proved and result.coverage == 100 and result.properties["law_is_in_box"] == 4
+        return
     assert not result.proved and any(re.search(words, alarm) for alarm in result.alarms), result.alarms
 
 
