@@ -32,9 +32,9 @@ def test_committed_designs(folder):
     assert found.runs == 50000 and found.edges > 80
 
 
-@pytest.mark.parametrize("family", ["ellipsoid", "thresholds", "filter", "mode", "polytopic"])
+@pytest.mark.parametrize("family", ["ellipsoid", "thresholds", "filter", "mode", "driven", "polytopic"])
 def test_other_observers(family):
-    """The set online and as a table, a filter, boxes, weights; of the other point observers the same common part."""
+    """The set online and as a table, a filter, boxes, driven framers, weights; of other point observers the same."""
     found = run(next(f for f in KEPT if family_of(f) == family), 2000)
     require(found)
     assert found.runs == 2000 and found.edges > 80
