@@ -9,6 +9,7 @@ import numpy as np
 from .cprint import initialiser
 from .render import render
 
+FINITE = ("x_hat", "r", "r_bound", "f_hat", "f_bound")
 RANGES = ("u_lo", "u_hi", "y_lo", "y_hi", "theta_lo", "theta_hi")
 
 
@@ -22,12 +23,21 @@ class Range:
 
 
 @dataclass(frozen=True)
+class FuzzLaw:
+    """Initialisers of a tracking law's largest references and of the limits of its integrals."""
+
+    reference: str
+    limit: str
+
+
+@dataclass(frozen=True)
 class FuzzView:
     """What the harness prints; ``inputs`` is the number of inputs, or nothing without; so ``parameters`` and
     ``told``, the mode.
 
     ``mode`` is the C of the mode that says which bounds parameters have.
-    ``bounds`` is x where the answer has its bounds, ``finite`` are its other vectors of numbers.
+    ``bounds`` is x where the answer has its bounds, ``finite`` are its other vectors of numbers; ``spoils`` has one
+    entry where a fault spoils what is assured, ``laws`` one where there is a tracking law.
     """
 
     prefix: str
@@ -39,6 +49,8 @@ class FuzzView:
     mode: str
     bounds: tuple[str, ...]
     finite: tuple[str, ...]
+    spoils: tuple[str, ...]
+    laws: tuple[FuzzLaw, ...]
 
 
 def fuzz_harness(record: dict) -> str:
@@ -69,4 +81,12 @@ def fuzz_harness(record: dict) -> str:
                                                      (f"{macro}_NTHETA",) if record["n_theta"] else (),
                                                      told, "in->mode" if told else "0U",
                                                      ("x",) if "x_lo" in answers else (),
-                                                     () if "x_lo" in answers else ("f_hat", "f_bound")))
+                                                     () if "x_lo" in answers else tuple(
+                                                         name for name in FINITE if name in answers),
+                                                     () if "faults" in record else ("",), _laws(record)))
+
+
+def _laws(record: dict) -> tuple[FuzzLaw, ...]:
+    """The law of a folder, where it has one."""
+    return tuple(FuzzLaw(*(initialiser(np.array(law[name], dtype=record["real"]), record["real"])
+                           for name in ("reference", "limit"))) for law in [record.get("law")] if law)

@@ -136,7 +136,8 @@ def _scenario(design, real: str, index: int, o: Outcome, w: Watched | None) -> S
     faults, folded = outcome_words.episode_tables(design, real, o)
     anchor = f"s{index}"
     return ScenarioView(o.scenario.name, anchor, outcome_words.summary(design, o), faults, folded,
-                        plots.residuals(design.plant, o, anchor), set_words.pictures(design, w, anchor),
+                        plots.tracking(design, real, o, anchor) + plots.residuals(design.plant, o, anchor),
+                        set_words.pictures(design, w, anchor),
                         plots.states(design.plant, o, anchor))
 
 

@@ -51,6 +51,28 @@ def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
                                f"Found: {found}.")
 
 
+def tracking(design, real: str, o: Outcome, name: str) -> tuple[Plot, ...]:
+    """Plot what a tracking law did in a run; nothing where none steered.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+    o : Outcome
+    name : str
+    """
+    if o.steering is None:
+        return ()
+    run, rows = plots.whole(design.plant, o.truth, o.trace), design.observer.tables[real].law.rows
+    figure = plots.tracking_figure(run, o.steering, rows)
+    told = "; ".join(f"{what} {words.number(found, 4)}, certified {words.at_most(most, 4)}"
+                     for what, found, most in o.steering.figures)
+    cut = words.count(int((o.steering.limited != 0).sum()), "sample")
+    return (Plot(inline(figure, f"{name}t", f"Tracking in {o.scenario.name}"),
+                 "The compiled C steers the true plant. " + (f"Found and certified: {told}." if told else
+                 f"A fault, or samples missing: the certificate of the inputs does not cover it; cut at {cut}.")),)
+
+
 def states(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
     """Plot the state bounds of a scenario; the parameters are those of ``residuals``."""
     if not o.trace.bounded:

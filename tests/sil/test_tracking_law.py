@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from helpers.folders import CLANG, CXX, GCC, compile_
 from helpers.tools import need
-from helpers.tracking import CompiledTracker, designed, observer
+from helpers.tracking import CompiledTracker, closed_loop, designed, observer
 
-from codegen.analysis.closed_loop import closed_loop
 from codegen.emit import files
 from codegen.observers.feedback import CUT_INPUT, CUT_INTEGRAL, Tracker
 

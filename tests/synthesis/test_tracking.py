@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flint import fmpq
-from helpers.tracking import designed, observer
+from helpers.tracking import closed_loop, designed, observer
 
-from codegen.analysis.closed_loop import closed_loop
 from codegen.certify.exact import rational
 from codegen.certify.peaks import Sums
 from codegen.certify.sampled_vertices import sampled_vertices
