@@ -20,8 +20,8 @@ from .bad_signals import mean_loop, resonant, towards
 from .closed_loop import ClosedLoop, Signals, closed_loop, drawn
 
 Array = np.ndarray
-LOOP = "in the loop: "
-STEPS, FAR, LONG, PERIOD = 300, 160, 360, 120
+LOOP, ENDS = "in the loop: ", "disturbances at their ends"
+STEPS, FAR, LONG, PERIOD = 480, 160, 360, 240
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,8 @@ class Steering:
         What was found, and what is certified of it.
     broken : tuple of str
         Promises that were not kept.
+    drawn : bool
+        Whether the report has pictures of it.
     """
 
     ref: Array
@@ -46,6 +48,7 @@ class Steering:
     u_most: Array
     figures: tuple[tuple[str, float, float], ...]
     broken: tuple[str, ...]
+    drawn: bool = True
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ def names(plant: Plant) -> list[str]:
     ----------
     plant : Plant
     """
-    own = ["any disturbances", "disturbances at their ends", *(f"towards the largest {s.name}" for s in plant.u),
+    own = ["any disturbances", ENDS, *(f"towards the largest {s.name}" for s in plant.u),
            "from rest, the largest energy", "from the initial box to rest", "samples missing"]
     return [LOOP + name for name in (*own, *(s.name for s in plant.scenarios if s.fault))]
 
@@ -128,36 +131,44 @@ def steered(design, driver, wanted: list[str], seed: int = 0, progress=lambda te
     -------
     list of Steered
     """
-    plant, cert = design.plant, design.certificate[driver.real]
-    t, out = design.observer.tables[driver.real], []
-    for run in planned(plant, t, seed):
-        if run.name not in wanted:
-            continue
+    plant, cert, t = design.plant, design.certificate[driver.real], design.observer.tables[driver.real]
+    runs, done = [run for run in planned(plant, t, seed) if run.name in wanted], []
+    for run in runs:
         progress(run.name)
-        done = closed_loop(plant, driver.tracker(), run.ref, run.signals)
-        differences, z, s = _replayed(design, driver.real, run.ref, done)
-        most = {name: np.array(cert["reached"][name]) for name in "xu"}
-        figures, broken = _held(plant, t, cert, run, done, most, z, s)
-        scenario = Scenario(run.name, len(run.ref), ((0, 0),), ("0",) * plant.n_u)
-        out.append(Steered(scenario, _truth(done, plant), done.trace, differences,
-                           Steering(run.ref, done.limited, most["x"], most["u"], tuple(figures), tuple(broken))))
+        done.append(closed_loop(plant, driver.tracker(), run.ref, run.signals))
+    most, out = {name: np.array(cert["reached"][name]) for name in "xu"}, []
+    for run, loop, (differences, z, s) in zip(runs, done, _replayed(design, driver.real, runs, done)):
+        figures, broken = _held(plant, t, cert, run, loop, most, z, s)
+        shown = bool(broken) or run.name == LOOP + ENDS or bool(run.signals.f.any())
+        steering = Steering(run.ref, loop.limited, most["x"], most["u"], tuple(figures), tuple(broken), shown)
+        out.append(Steered(Scenario(run.name, len(run.ref), ((0, 0),), ("0",) * plant.n_u), _truth(loop, plant),
+                           loop.trace, differences, steering))
     return out
 
 
-def _replayed(design, real: str, ref: Array, done: ClosedLoop) -> tuple[list[str], Array, Array]:
+def _replayed(design, real: str, runs: list[Planned], done: list[ClosedLoop]) -> list[tuple[list[str], Array, Array]]:
     """In what the reference differs on the same references and measurements; its z and s before every sample."""
-    unit = Tracker(type(design.observer)(design.observer.tables, design.observer.supervision), real)
-    answers, z, s, wrong = [], [], [], set()
-    for k, y in enumerate(done.y):
-        z.append(unit.observer.z[0])
-        s.append(unit.law.s[0])
-        command, answer = unit.step(ref[k][None], y[None])
+    unit = Tracker(type(design.observer)(design.observer.tables, design.observer.supervision), real, len(runs))
+    most = max((len(run.ref) for run in runs), default=0)
+    ref, y = (np.stack([np.concatenate([a, np.full((most - len(a), a.shape[1]), end)]) for a in columns])
+              for columns, end in (([run.ref for run in runs], 0), ([loop.y for loop in done], np.nan)))
+    commands, answers, z, s = [], [], [], []
+    for k in range(most):
+        z.append(unit.observer.z)
+        s.append(unit.law.s)
+        command, answer = unit.step(ref[:, k], y[:, k])
+        commands.append(command)
         answers.append(answer)
-        wrong |= set() if np.array_equal(command.u[0].astype(float), done.u[k]) else {"u"}
-        wrong |= set() if command.limited[0] == done.limited[k] else {"limited"}
-    trace = PolytopicTrace(*(np.concatenate([getattr(a, name) for a in answers])
+    trace = PolytopicTrace(*(np.stack([getattr(a, name) for a in answers], axis=1)
                              for name in PolytopicTrace.__dataclass_fields__))
-    return sorted(wrong) + done.trace.differs(trace), np.array(z, dtype=float), np.array(s, dtype=float)
+    u, limited, z, s = (np.stack(a, axis=1) for a in ([c.u for c in commands], [c.limited for c in commands], z, s))
+    out = []
+    for i, loop in enumerate(done):
+        own = (i, slice(len(loop.y)))
+        wrong = [name for name, said in (("u", u), ("limited", limited))
+                 if not np.array_equal(said[own].astype(float), getattr(loop, name))]
+        out.append((wrong + loop.trace.differs(trace.row(own)), z[own].astype(float), s[own].astype(float)))
+    return out
 
 
 def _held(plant: Plant, t, cert: dict, run: Planned, done: ClosedLoop, most: dict, z: Array, s: Array):

@@ -54,7 +54,7 @@ def commanded(axis: Axes, run: Run, steering: Steering, i: int) -> None:
             axis.axhline(end, color=IDLE, linewidth=1.2)
     axis.set_ylim(-reach, reach)
     axis.set_title(f"Input {signal.name}; dashed: certified without a fault; range {signal.lo:g} to {signal.hi:g}")
-    axis.set_ylabel(f"{signal.name} ({signal.unit})" if signal.unit else signal.name)
+    axis.set_ylabel(signal.unit or signal.name)
 
 
 def _faults(axis: Axes, run: Run) -> None:

@@ -38,6 +38,8 @@ def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
     -------
     tuple of Plot
     """
+    if o.steering is not None and not o.steering.drawn:
+        return ()
     run, title = plots.whole(plant, o.truth, o.trace), o.scenario.name
     joint = o.trace.bounded and joint_only(run).any()
     caption = ESTIMATE if isinstance(o.trace, FilterTrace) else RESIDUAL + JOINTLY * bool(joint)
@@ -61,16 +63,13 @@ def tracking(design, real: str, o: Outcome, name: str) -> tuple[Plot, ...]:
     o : Outcome
     name : str
     """
-    if o.steering is None:
+    if o.steering is None or not o.steering.drawn:
         return ()
     run, rows = plots.whole(design.plant, o.truth, o.trace), design.observer.tables[real].law.rows
     figure = plots.tracking_figure(run, o.steering, rows)
-    told = "; ".join(f"{what} {words.number(found, 4)}, certified {words.at_most(most, 4)}"
-                     for what, found, most in o.steering.figures)
     cut = words.count(int((o.steering.limited != 0).sum()), "sample")
-    return (Plot(inline(figure, f"{name}t", f"Tracking in {o.scenario.name}"),
-                 "The compiled C steers the true plant. " + (f"Found and certified: {told}." if told else
-                 f"A fault, or samples missing: the certificate of the inputs does not cover it; cut at {cut}.")),)
+    caption = f"The compiled C steers the true plant. An input or an integral was cut at {cut}."
+    return (Plot(inline(figure, f"{name}t", f"Tracking in {o.scenario.name}"), caption),)
 
 
 def states(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
