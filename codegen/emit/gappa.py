@@ -187,6 +187,8 @@ def _of_polytopic(plant, t, d: DesignView) -> RoundingView:
     rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in sums)
     return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in operands), (), rows,
                         float(np.finfo(t.dtype).max).hex(), ABOUT_POLYTOPIC, LAST_POINTS)
+
+
 def _of_driven(plant, t, names: Names, d: DesignView) -> RoundingView:
     """State the sums of the estimator, of the framers of every mode, and of S x."""
     specs = driven_parts.maps(t.told, names, d.x, d.y)
