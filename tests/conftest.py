@@ -17,11 +17,18 @@ ROOT = Path(__file__).resolve().parents[1]
 APART = {"test_c_tests", "test_continuous", "test_boards", "test_analyse", "test_coverage", "test_prove", "test_fuzz"}
 
 
-def pytest_collection_modifyitems(items):
-    """Say what belongs together (``--dist loadgroup``)."""
-    for item in items:
-        if item.path.stem not in APART:
-            item.add_marker(pytest.mark.xdist_group(str(item.path.relative_to(ROOT)).replace("/", "_")))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """``--dist loadfile``, but for what is APART: by the names of tests alone, as marks of groups are not read by all
+    versions of pytest and xdist."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = super()._split_scope(nodeid)
+            return nodeid if Path(file).stem in APART else file
+
+    return Scheduling(config, log) if config.getvalue("dist") == "loadfile" else None
 
 
 class Workshop:
