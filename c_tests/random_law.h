@@ -1,6 +1,10 @@
 /*
- * Calls of a tracking law as random_calls.c makes them.
+ * random_law.h: random calls of a tracking law, for random_calls.c, which has the draws.
  */
+#ifndef RANDOM_LAW_H
+#define RANDOM_LAW_H
+
+#include "bench.h"
 
 static const T(real) ref_most[] = CASE_REFERENCE;
 static const T(real) s_most[] = CASE_LIMIT;
@@ -67,3 +71,5 @@ static uint32_t steer(uint32_t digest, bench *b)
     digest = add(add(digest, &law, (uint32_t)sizeof(law)), &b->in, (uint32_t)sizeof(b->in));
     return add(add(digest, &b->s, (uint32_t)sizeof(b->s)), &b->out, (uint32_t)sizeof(b->out));
 }
+
+#endif

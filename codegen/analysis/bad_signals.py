@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
+from ..algebra.interval import sizes
 from ..plant.descriptor import PIECES
 from .closed_loop import Signals
 
@@ -74,11 +75,6 @@ def mean_loop(plant, t) -> MeanLoop:
     return MeanLoop(state, np.hstack([into_w, into_v, into_ref]), U,
                     np.hstack([np.zeros((m, len(w))), V, np.zeros((m, k))]), p.C[rows] @ x / ref[:, None],
                     (len(w), len(v), k))
-
-
-def sizes(lo: Array, hi: Array) -> Array:
-    """Largest magnitudes of a vector."""
-    return np.maximum(np.abs(lo), np.abs(hi))
 
 
 def towards(plant, t, loop: MeanLoop, i: int, steps: int) -> tuple[Array, Signals]:

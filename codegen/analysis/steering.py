@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..algebra.interval import sizes
 from ..observers import PolytopicTrace
 from ..observers.feedback import Tracker
 from ..plant.excitation import faults
@@ -201,7 +202,7 @@ def _energy(plant: Plant, t, done: ClosedLoop) -> float:
     """Root of the energy of the tracking error over that of disturbances and noises, in units of their sizes."""
     rows, d = list(t.law.rows), 0.0
     for name, values in (("w", done.signals.w.mean(axis=1)), ("v", done.signals.v)):
-        d += np.sum((values / np.maximum(*np.abs(plant.limits(name)))) ** 2)
+        d += np.sum((values / sizes(*plant.limits(name))) ** 2)
     return float(np.sqrt(np.sum((done.x @ plant.polytope.C[rows].T / t.law.reference) ** 2) / d))
 
 

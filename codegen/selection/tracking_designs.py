@@ -13,6 +13,7 @@ from math import sqrt
 
 import numpy as np
 
+from ..algebra.interval import sizes
 from ..certify import polytope_thresholds
 from ..certify.exact import product, rational
 from ..certify.sampled_vertices import SampledVertices, sampled_vertices
@@ -24,7 +25,7 @@ from ..observers.polytopic_tables import PolytopicTables
 from ..plant.model import Plant
 from ..synthesis import tracking, tracking_analysis
 from ..synthesis.descriptor_gains import StandardGains, rounded
-from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled, sizes
+from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled
 from ..synthesis.tracking import Speed
 from .polytopic_tables import frozen, tables_of
 

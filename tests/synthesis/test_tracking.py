@@ -9,6 +9,7 @@ import pytest
 from flint import fmpq
 from helpers.tracking import closed_loop, designed, observer
 
+from codegen.algebra.interval import sizes
 from codegen.certify.exact import pivots, rational
 from codegen.certify.peaks import Sums
 from codegen.certify.sampled_vertices import sampled_vertices
@@ -18,7 +19,7 @@ from codegen.plant.descriptor import Implicit, truth
 from codegen.plant.load import load, loads
 from codegen.selection import tracking_designs
 from codegen.synthesis import METHODS, tracking
-from codegen.synthesis.descriptor_problem import Scaling, problem_of, scaled, sizes
+from codegen.synthesis.descriptor_problem import Scaling, problem_of, scaled
 from codegen.synthesis.tracking import Speed
 
 PLANT = load("quadrotor")
