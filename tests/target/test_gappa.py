@@ -20,7 +20,6 @@ from codegen import design as make
 from codegen.certify.exact import Q
 from codegen.certify.sets import SetDemands
 from codegen.designs import read_design
-from codegen.emit import files
 from codegen.emit.gappa import rounding
 from codegen.emit.render import render
 from codegen.emit.view import build
@@ -47,7 +46,7 @@ def copy(folder, to, real=None, layout=None):
     design = read_design(folder)
     made = Path(shutil.copytree(folder, to / "copy"))
     name = f"rounding_{design.plant.target.prefix}.g"
-    (made / name).write_text(files(design, real, layout, measure=False)[name], encoding="ascii")
+    (made / name).write_text(script_of(design, real, layout), encoding="ascii")
     return made, made / name
 
 
