@@ -82,7 +82,7 @@ def apart(prefix: str) -> frozenset[str]:
     -------
     frozenset of str
     """
-    return frozenset(f"{prefix}_{name}" for name in ("cut", "cut_z", "to_x", "to_z"))
+    return frozenset(f"{prefix}_{name}" for name in ("cut", "cut_x", "cut_z", "to_x", "to_z"))
 
 
 def blank(text: str) -> str:

@@ -33,6 +33,25 @@ from .polytope_error import ErrorModel, direct_errors, standard_errors
 Array = np.ndarray
 
 
+def squared_level(proof: dict) -> fmpq:
+    """The square of the level that a proof is about, not above that of the level which is claimed.
+
+    Parameters
+    ----------
+    proof : dict
+        "level2", "gamma".
+
+    Raises
+    ------
+    CertificateError
+    """
+    level = Q(proof["level2"])
+    if level < 0 or Q(proof["gamma"]) ** 2 < level or Q(proof["gamma"]) < 0:
+        raise CertificateError(f"certificate: gamma {proof['gamma']:.9g} is claimed, its square is {float(level):.9g} "
+                               "(found), expected gamma^2 at least that.")
+    return level
+
+
 def errors_of(problem, gains, proof: dict) -> ErrorModel:
     """The exact error model that a proof is about.
 
@@ -74,10 +93,7 @@ def check(problem, gains, proof: dict) -> list[str]:
     CertificateError
         Naming pair and condition.
     """
-    model, level = errors_of(problem, gains, proof), Q(proof["level2"])
-    if level < 0 or Q(proof["gamma"]) ** 2 < level or Q(proof["gamma"]) < 0:
-        raise CertificateError(f"certificate: gamma {proof['gamma']:.9g} is claimed, its square is {float(level):.9g} "
-                               "(found), expected gamma^2 at least that.")
+    model, level = errors_of(problem, gains, proof), squared_level(proof)
     if proof["time"] not in ("continuous", "discrete"):
         raise CertificateError(f"certificate: time {proof['time']!r} (found), expected continuous or discrete.")
     judge = continuous if proof["time"] == "continuous" else discrete

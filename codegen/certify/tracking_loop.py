@@ -26,6 +26,7 @@ import numpy as np
 from ..errors import CertificateError
 from .exact import Q, leading_failure, pivots, product, rational, zeros
 from .polytope_error import ErrorModel, standard_errors
+from .polytope_gain import squared_level
 
 Array = np.ndarray
 Vertices = tuple[int, int, int]
@@ -141,10 +142,7 @@ def levels(found: Loop, out: Array, proof: dict) -> Iterator[tuple[Vertices, Arr
     CertificateError
         P is not positive definite, or gamma less than what is proved.
     """
-    level, count = Q(proof["level2"]), int(proof["inputs"])
-    if Q(proof["gamma"]) < 0 or Q(proof["gamma"]) ** 2 < level:
-        raise CertificateError(f"certificate: gamma {proof['gamma']:.9g} is claimed, its square (found) is below "
-                               f"{float(level):.9g}, expected at least that.")
+    level, count = squared_level(proof), int(proof["inputs"])
     P = positive(proof["P"], out.shape[1])
     for where, (A, B) in found.vertices.items():
         flow = np.concatenate([A, B[:, :count]], axis=1)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..algebra.interval import sizes
 from ..certify import polytope_thresholds
 from ..certify.exact import Q
 from ..certify.filter_bounds import Demand
@@ -23,7 +24,7 @@ from ..plant.model import Plant
 from ..synthesis import hminus_hinf
 from ..synthesis.descriptor_gains import StandardGains, euler_gains, rounded, standard_gains
 from ..synthesis.descriptor_lmi import Bounds
-from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled, scaling_of, sizes
+from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled, scaling_of
 from ..synthesis.hminus_hinf import Faults
 from . import fault_estimators
 from .descriptors import DESIGNS, SPARE, euler_limit, problem_and_scaling

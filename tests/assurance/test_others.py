@@ -1,4 +1,4 @@
-"""The assurance file of filters, mode estimators, polytopic observers: every C is read, what was changed is found."""
+"""The assurance file of filters, mode estimators, driven framers, polytopic observers: C is read, changes are found."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers import driven
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import stand_in
 
@@ -15,26 +16,29 @@ from codegen.assurance.c_reader import blank
 from codegen.assurance.claims import OWN, claims
 from codegen.assurance.places import constants
 from codegen.designs import read_design
-from codegen.emit.package import files
+from codegen.emit.package import firmware
 from codegen.errors import CertificateError
 from codegen.observers import FAMILIES
 
 CASES = [(f.name, layout) for f in OTHERS if family_of(f) == "filter" for layout in ("literal", "table", "loop")]
 CASES += [(f.name, "table") for f in OTHERS if family_of(f) == "polytopic" and not f.name.startswith("digester")]
-CASES += [("one input", "table"), ("no input, two outputs", "literal")]
+CASES += [("one input", "table"), ("no input, two outputs", "literal"), ("parameters", "table"), ("discrete", "loop"),
+          ("constant", "literal")]
 folders = pytest.mark.parametrize("folder", OTHERS, ids=lambda f: f.name)
 
 
 @cache
 def design_of(name):
-    return read_design(next(f for f in OTHERS if f.name == name)) if "_" in name else stand_in(name, 3)
+    if "_" in name:
+        return read_design(next(f for f in OTHERS if f.name == name))
+    return driven.stand_in(name) if name in driven.PLANTS else stand_in(name, 3)
 
 
 @cache
 def printed(name, layout, real="float32"):
     """C that is accepted as it is, with its constants."""
     design = design_of(name)
-    p, texts = design.plant.target.prefix, files(design, real, layout, measure=False)
+    p, texts = design.plant.target.prefix, firmware(design, real, layout)
     return texts[f"{p}.c"], texts[f"{p}.h"], constants(design, real, layout, texts[f"{p}.c"], texts[f"{p}.h"])
 
 
@@ -80,6 +84,11 @@ CHANGED = {
         ("(n == 1U) && (", "(n == 9U) && ("), ("below[i] -= room[i];", ""), ("-limit[i]", "limit[i]"),
         ("matrix[i][k] >= 0.0F", "matrix[i][k] < 0.0F"), ("out->x_lo[i] = FLT_MAX", "out->x_lo[i] = FLT_MIN"),
         ("value -= (D[i][j]", "value += (D[i][j]"), ("* valve_size(in->u[j])", "* in->u[j]")),
+    "parameters": (
+        ("(M_0_1 * s->x_lo[1]) - apart_0", "(M_0_1 * s->x_hi[1]) - apart_0"), ("th_0 = s->theta[0]", "th_0 = s->u[0]"),
+        ("+ (k[10] * a_0)", "+ (k[11] * a_0)"), ("valve_cut_x(out->x_lo, out->x_hi);\n}", "}"),
+        ("held.mode = q;", "held.mode = 0U;"), ("below[i] - xi_room[i]", "below[i] + xi_room[i]"),
+        ("x_hi[0] = valve_clip(x_hi[0]", "x_hi[0] = valve_clip(x_lo[0]"), ("in->theta[0] >= -", "in->theta[0] > -")),
 }
 
 
@@ -115,6 +124,8 @@ def spoilt(design, where, key, change):
     if where == "tables":
         new = change(getattr(t, key))
         t = replace(t, **{key: new if key == "law" else new.astype(getattr(t, key).dtype)})
+    elif where == "told":
+        t = replace(t, told=replace(t.told, **{key: change(getattr(t.told, key)).astype(t.dtype)}))
     elif where == "start":
         t = replace(t, start=change(t.start))
     else:
@@ -171,6 +182,14 @@ FALSE = {
         ("certificate", "start", lambda k: k - 1, "start: delay from power-up"),
         ("certificate", "quiet", lambda k: k - 1, "quiet: age beyond"),
         ("certificate", "widths", lambda w: [0.5 * x for x in w], "may grow beyond")),
+    "driven": (
+        *(("tables", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("reach", 0.5, "reach of mode"), ("birth", 0.5, "birth from"), ("xi_room", 0.3, "xi_room"),
+            ("S_rounded", 1.0001, "xi_room"), ("start_hi", 0.999, "start"))),
+        *(("told", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("d_hi", 0.99, "framers: offset d"), ("a_lo", 0.99, "framers: offset a"), ("M_lo", 1.01, "framers: off"),
+            ("box", 0.99, "ranges of x|state box"), ("y_hi", 0.99, "y_hi"))),
+        ("certificate", "worst", lambda k: k - 1, "identified: worst delay")),
 }
 
 

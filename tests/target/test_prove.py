@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from helpers import small_modes
+from helpers import driven, small_modes
 from helpers.designs import GUARDED, stand_in
 from helpers.folders import write
 from helpers.kept import OTHERS, POINTS, STATED, family_of, first_of_each
@@ -106,14 +106,20 @@ def test_what_is_wrong_of_a_set_is_not_proved(mutant, tmp_path):
     assert not result.proved and any(re.search(words, alarm) for alarm in result.alarms), result.alarms
 
 
-OTHER_MUTANTS = {  # of a filter and of a small mode estimator: what of the C, what instead, what Eva says
+OTHER_MUTANTS = {  # of a filter, a small mode estimator, driven framers: what of the C, what instead, what Eva says
     "a count beyond the table": ("filter", r"s->since >> 1U", "s->since >> 0U", "row <"),
     "a count without end": ("filter", r"&& \(s->since < \w+_LAST\)\)", ")", "s->since"),
     "a state of any size": ("filter", r"\(k\[1\] \* s->xi\[0\]\)", "(3e38F * s->xi[0])", "is_finite"),
     "no estimate": ("filter", r"(?m)^        farhat_estimate\(s, in, out\);\n", "", "initialized"),
     "ends of any size": ("mode", r"\(matrix\[i\]\[k\] \* lo\[k\]\)", "(3e38F * lo[k])", "is_finite"),
     "a decision that is no mode": ("mode", r"\(s->decided < VALVE_MODES\) \? s->decided : 0U", "VALVE_MODES", "q < 2"),
-    "bounds without a beginning": ("mode", r"out->x_lo\[i\] = FLT_MAX;", "", "initialized")}
+    "bounds without a beginning": ("mode", r"out->x_lo\[i\] = FLT_MAX;", "", "initialized"),
+    "a step that reads what is not held": ("driven", r"held\.y\[i\] = s->y\[i\];", "", "initialized"),
+    "framers of a mode that is none": ("driven", r"held\.mode = q;", "held.mode = VALVE_MODES;", "valid_read"),
+    "framers of any size": ("driven", r"\(k\[\d+\] \* s", "(3e38F * s", "is_finite"),
+    "S x without a beginning": ("driven", r"below\[i\] = 0\.0F;", "", "initialized"),
+    "bits of modes that are none": ("driven", r"s->framed \|= \(uint32_t\)1U << q;", "s->framed |= 8U << q;",
+                                    "s->framed")}
 
 
 @pytest.mark.parametrize("mutant", OTHER_MUTANTS)
@@ -124,7 +130,7 @@ def test_what_is_wrong_of_filters_and_boxes_is_not_proved(mutant, tmp_path):
     if family == "filter":
         shutil.copytree(next(f for f in OTHERS if f.name.startswith("farhat")), folder)
     else:
-        write(small_modes.stand_in("one input", 1), folder)
+        write(driven.stand_in("parameters") if family == "driven" else small_modes.stand_in("one input", 1), folder)
     rewrite(folder, f"{prefix_of(folder)}.c", pattern, text, 0)
     result = prove(folder)
     assert not result.proved and any(re.search(words, alarm) for alarm in result.alarms), result.alarms
