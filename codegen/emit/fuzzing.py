@@ -9,7 +9,6 @@ import numpy as np
 from .cprint import initialiser
 from .render import render
 
-FINITE = ("x_hat", "r", "r_bound", "f_hat", "f_bound")
 RANGES = ("u_lo", "u_hi", "y_lo", "y_hi", "theta_lo", "theta_hi")
 
 
@@ -76,14 +75,12 @@ def fuzz_harness(record: dict) -> str:
                          initialiser(np.array(record["ranges"][name], dtype=real), real))
                    for name in RANGES if record["ranges"].get(name))
     told = tuple(name for name, *_ in record["in"] if name == "mode")
-    return render("harness/fuzz.c.jinja", h=FuzzView(record["prefix"], macro, ranges,
-                                                     (f"{macro}_NU",) if record["n_u"] else (),
-                                                     (f"{macro}_NTHETA",) if record["n_theta"] else (),
-                                                     told, "in->mode" if told else "0U",
-                                                     ("x",) if "x_lo" in answers else (),
-                                                     () if "x_lo" in answers else tuple(
-                                                         name for name in FINITE if name in answers),
-                                                     () if "faults" in record else ("",), _laws(record)))
+    framed = "x_lo" in answers
+    numbers = tuple(name for name, kind, _ in record["out"] if kind == "real")
+    return render("harness/fuzz.c.jinja", h=FuzzView(
+        record["prefix"], macro, ranges, (f"{macro}_NU",) if record["n_u"] else (),
+        (f"{macro}_NTHETA",) if record["n_theta"] else (), told, "in->mode" if told else "0U",
+        ("x",) if framed else (), () if framed else numbers, () if record.get("faults") else ("",), _laws(record)))
 
 
 def _laws(record: dict) -> tuple[FuzzLaw, ...]:

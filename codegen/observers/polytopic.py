@@ -97,7 +97,6 @@ class PolytopicObserver(Runner):
     family = "polytopic"
     tables_class = PolytopicTables
     trace_class = PolytopicTrace
-    stated = False
 
     def empty(self, t, shape: tuple[int, ...]) -> PolytopicTrace:
         """Allocate the answers of runs of the given leading shape."""

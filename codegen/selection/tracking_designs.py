@@ -313,13 +313,26 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
 
 def _ranges(plant, found, t, vertices) -> dict[str, Array]:
     """Bounds of the closed loop, refused where they leave a range."""
-    size = _sizes(plant, t)
-    reached = envelope(found, t, t.law, size)
+    reached = envelope(found, t, t.law, sizes_of(plant, t))
+    check_envelope(*bounded(plant, t, vertices, reached))
+    return reached
+
+
+def bounded(plant: Plant, t: PolytopicTables, vertices: SampledVertices, reached: dict[str, Array]) -> tuple:
+    """What ``tracking_bounds.limits`` takes.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : PolytopicTables
+    vertices : SampledVertices
+    reached : dict
+        From ``tracking_bounds.envelope``.
+    """
     names = {"x": [s.name for s in plant.x], "u": [s.name for s in plant.u],
              "s": [f"integral of {plant.y[i].name}" for i in t.law.rows]}
     inner = {"x": _inner(plant.limits("x")), "u": np.minimum(_inner(plant.limits("u")), _inner((t.u_lo, t.u_hi)))}
-    check_envelope(reached, size, inner, vertices.speed, plant.sample_period, names)
-    return reached
+    return reached, sizes_of(plant, t), inner, vertices.speed, plant.sample_period, names
 
 
 def _sentences(plant, t, proof, reached, vertices) -> list[str]:
@@ -349,7 +362,15 @@ def _sentences(plant, t, proof, reached, vertices) -> list[str]:
         "from anywhere in the declared range of x"]
 
 
-def _sizes(plant, t) -> Sizes:
+def sizes_of(plant: Plant, t: PolytopicTables) -> Sizes:
+    """What the signals of a closed loop without fault are at most.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : PolytopicTables
+        With a law.
+    """
     x, u, v = (np.maximum(*np.abs(plant.limits(name))) for name in "xuv")
     exact = rational(np.eye(plant.n_x)) - product(rational(t.T2), rational(plant.polytope.C))
     eb = start_error(exact, plant.x0_lo, plant.x0_hi, t.z0)

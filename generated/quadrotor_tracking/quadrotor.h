@@ -276,16 +276,28 @@ typedef struct {
 } quadrotor_law;
 
 /* Start with integrals of 0; together with quadrotor_init. */
+/*@ requires \valid(law);
+  @ assigns *law;
+  @*/
 void quadrotor_law_init(quadrotor_law *law);
 
 /*
  * One sample with its measurement in->y: sets in->u, then quadrotor_step. QUADROTOR_BAD_INPUT: a reference is NaN or
  * beyond its range; QUADROTOR_BAD_OUTPUT: a measurement is, call quadrotor_coast. On both nothing is written.
  */
+/*@ requires \valid(s) && \valid(law) && \valid_read(ref + (0 .. QUADROTOR_NREF - 1U)) && \valid(in) && \valid(out);
+  @ requires \separated(s, law, ref + (0 .. QUADROTOR_NREF - 1U), in, out);
+  @ assigns *s, *law, *in, *out;
+  @ ensures QUADROTOR_OK <= \result <= QUADROTOR_BAD_OUTPUT;
+  @*/
 quadrotor_status quadrotor_track(quadrotor_state *s, quadrotor_law *law, const quadrotor_real ref[QUADROTOR_NREF], quadrotor_in *in,
     quadrotor_out *out);
 
 /* One sample without: in->y is not read, integrals wait. Sets in->u, then quadrotor_predict. */
+/*@ requires \valid(s) && \valid(law) && \valid(in) && \valid(out) && \separated(s, law, in, out);
+  @ assigns *s, *law, *in, *out;
+  @ ensures QUADROTOR_OK <= \result <= QUADROTOR_BAD_INPUT;
+  @*/
 quadrotor_status quadrotor_coast(quadrotor_state *s, quadrotor_law *law, quadrotor_in *in, quadrotor_out *out);
 
 #ifdef __cplusplus
