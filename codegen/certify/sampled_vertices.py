@@ -29,7 +29,7 @@ from flint import fmpq
 
 from ..errors import CertificateError
 from .exact import Q, eye, product, rational, up, zeros
-from .polytope_bounds import sizes
+from .polytope_rounding import sizes
 
 Array = np.ndarray
 
