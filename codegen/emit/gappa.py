@@ -21,7 +21,7 @@ from ..certify.filter_model import rounding_of
 from ..certify.rounding import input_error
 from ..certify.sets import SetDemands
 from ..certify.variation import pace_rounding
-from . import families, filter_parts, gappa_boxes, gappa_sums, point_parts
+from . import families, filter_parts, gappa_boxes, gappa_pairs, gappa_sums, point_parts
 from .gappa_sums import SIDES, Magnitude, Sum
 from .maps import MapSpec, Names
 from .varying import Varying
@@ -36,6 +36,8 @@ ABOUT_FILTERS = ("operation rounded and once exact. What they may differ by is t
                  "for the rounding of this sum, at every sample. All layouts calculate these sums: a")
 ABOUT_BOXES = ("operation rounded and once exact. What they may differ by is the margin: what the boxes gain for the",
                "rounding of this sum, in every period. All layouts calculate these sums: a")
+ABOUT_PAIRS = ("operation rounded and once exact. What they may differ by is the margin: what offsets and bounds of",
+               "the noise hold for the rounding of this sum, at every sample. All layouts calculate these sums: a")
 LAST = "Last in a residual the measurement is subtracted: that keeps the sign, which is what an alarm looks at."
 LAST_POINTS = "A comparison with a bound looks at the sign of a difference, which rounding keeps."
 
@@ -113,8 +115,9 @@ def rounding(design, d: DesignView) -> RoundingView:
     t = design.observer.tables[d.real]
     names = Names(d.prefix, d.macro, d.real, tuple(m.name for m in d.modes), tuple(m.macro for m in d.modes))
     if d.sets:
-        about = _of_points if hasattr(t, "shape") else {"filter": _of_filter, "mode": _of_boxes}[d.family]
-        modes = (design.plant if d.family == "mode" else design.plant.observed).modes
+        about = _of_points if hasattr(t, "shape") else {"filter": _of_filter, "mode": _of_boxes,
+                                                        "sliding": _of_pairs}[d.family]
+        modes = (design.plant if d.family in ("mode", "sliding") else design.plant.observed).modes
         return about(modes, t, names, d)
     specs = (*families.specs(design.observer.family, t, names, d.x, d.y), *families.change_specs(t, names, d.x))
     exact = Containment(design.plant.observed.modes, t)
@@ -163,6 +166,13 @@ def _of_boxes(modes, t, names: Names, d: DesignView) -> RoundingView:
     rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in gappa_boxes.sums(modes, t, names.prefix))
     return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in gappa_boxes.operands(t)), (), rows,
                         float(np.finfo(t.dtype).max).hex(), ABOUT_BOXES, LAST_POINTS)
+
+
+def _of_pairs(modes, t, names: Names, d: DesignView) -> RoundingView:
+    """State the sums of an estimator by sliding modes; the margin of each is what its offsets hold for the rounding."""
+    rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in gappa_pairs.sums(modes, t, names.prefix))
+    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in gappa_pairs.operands(modes, t)), (), rows,
+                        float(np.finfo(t.dtype).max).hex(), ABOUT_PAIRS, LAST_POINTS)
 
 
 def _margins(exact: Containment) -> dict[tuple[str, int, str], list[float]]:

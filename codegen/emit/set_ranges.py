@@ -6,11 +6,12 @@ tables -> ``Ranges``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..errors import EmitError
+from ..observers.sliding import OLDEST
 
 Array = np.ndarray
 
@@ -27,11 +28,14 @@ class Ranges:
         Member -> largest value, which Eva shows to stay.
     about : tuple of str
         Lines that say what keeps the numbers there.
+    shown : dict
+        As ``numbers``, of members that Eva shows to stay.
     """
 
     numbers: dict
     words: dict
     about: tuple[str, ...]
+    shown: dict = field(default_factory=dict)
 
 
 NONE = Ranges({}, {}, ())
@@ -58,7 +62,7 @@ def of(family: str, t, members: dict[str, str]) -> Ranges:
         A member has no range.
     """
     made = RANGES.get(family, within_limits)(t, members)
-    unknown = [name for name in members if name not in made.numbers and name not in made.words]
+    unknown = [name for name in members if not any(name in part for part in (made.numbers, made.words, made.shown))]
     if unknown:
         raise EmitError(f"{family}: members {', '.join(unknown)} of the state have no range for Frama-C (expected one "
                         "each). Add the family to codegen/emit/set_ranges.py.")
@@ -139,6 +143,17 @@ def modes(t, members: dict[str, str]) -> Ranges:
                    "boxes to start from, or has been found empty. From there Eva shows that all stays finite."))
 
 
+def pairs(t, members: dict[str, str]) -> Ranges:
+    """Bounds, sliding variables and rates, each cut to its limit; means of rates, with room."""
+    count, rates = len(t.M_hi), float(np.sum(t.rate_limit))
+    limits = {"box": np.tile(t.limit, count), "shown": t.limit, "twist": np.tile(t.z_limit, count),
+              "rate": np.tile(t.rate_limit, count)}
+    shown = {f"{k}_{side}": (-most, most) for k, most in limits.items() for side in ("lo", "hi")}
+    shown["level"] = np.zeros(count, t.dtype), np.full(count, 4 * rates).astype(t.dtype)
+    words = {"decided": count - 1, "best": count - 1, "age": OLDEST, "since": t.dwell - 1, "last": t.dwell - 1}
+    return Ranges({}, words | dict.fromkeys(("fresh", "armed", "refuted"), 2 ** count - 1), (), shown)
+
+
 def carried(t) -> Array:
     """Magnitudes that no number of a box exceeds when a call ends, in the type of the tables."""
     f = {k: np.abs(getattr(t, k).astype(float)) for k in (
@@ -160,4 +175,4 @@ def _origin(t) -> dict:
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
-          "mode": modes}
+          "mode": modes, "sliding": pairs}

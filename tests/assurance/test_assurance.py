@@ -82,7 +82,8 @@ def test_every_claim_of_the_design_is_there(folder, made):
         about_the_c = c["id"] in ("arithmetic", "execution")
         assert all(c["condition"].values()) and set(c["constants"]) <= known and set(c["checks"]) <= set(CHECKS)
         assert about_the_c or (c["plant"] and c["constants"] and all(c["lines"].values()))
-        assert about_the_c or c["margins"] or c["id"].startswith("detection") or c["id"] in ("monitor", "sampling")
+        assert about_the_c or c["margins"] or c["id"].startswith("detection") or c["id"] in (
+            "monitor", "sampling", "decision")
         assert all(m["margin"] >= 0 and (m["expected"] == ">= 0" or m["margin"] > 0) for m in c["margins"])
         assert c["checks"]
 

@@ -1,4 +1,4 @@
-"""The assurance file of filters and mode estimators: every kind of C is read, what was changed is found."""
+"""The assurance file of filters, mode estimators and such: every kind of C is read, what was changed is found."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 
 import pytest
+from helpers import small_sliding
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import stand_in
 
@@ -20,11 +21,14 @@ from codegen.observers import FAMILIES
 
 CASES = [(f.name, layout) for f in OTHERS if family_of(f) == "filter" for layout in ("literal", "table", "loop")]
 CASES += [("one input", "table"), ("no input, two outputs", "literal")]
+CASES += [(f"sliding: {name}", layout) for name, layout in (("one input", "loop"), ("no input, two outputs", "table"))]
 folders = pytest.mark.parametrize("folder", OTHERS, ids=lambda f: f.name)
 
 
 @cache
 def design_of(name):
+    if name.startswith("sliding: "):
+        return small_sliding.stand_in(name.removeprefix("sliding: "))
     return read_design(next(f for f in OTHERS if f.name == name)) if "_" in name else stand_in(name, 3)
 
 
@@ -64,6 +68,12 @@ CHANGED = {
         ("(n == 1U) && (", "(n == 9U) && ("), ("below[i] -= room[i];", ""), ("-limit[i]", "limit[i]"),
         ("matrix[i][k] >= 0.0F", "matrix[i][k] < 0.0F"), ("out->x_lo[i] = FLT_MAX", "out->x_lo[i] = FLT_MIN"),
         ("value -= (D[i][j]", "value += (D[i][j]"), ("* valve_size(in->u[j])", "* in->u[j]")),
+    "zammali_modes_mode-sliding": (
+        ("_SHARE 0.8F", "_SHARE 0.7F"), ("#define ZAMMALI_MODES_SMOOTH 0.5F", ""), ("_TURN 51.3125F", "_TURN 51.3125"),
+        ("#define ZAMMALI_MODES_PULL", "#define else\n#define ZAMMALI_MODES_PULL"), ("root = 0.5F *", "root = 0.25F *"),
+        ("result = -limit;", "result = limit;"), ("s->level[q] < s->level[least]", "s->level[q] > s->level[least]"),
+        ("s->armed & failed", "s->armed | failed"),
+        ("(most + v_hi[i])", "(most - v_hi[i])"), ("s->age == ZAMMALI_MODES_BLANK", "s->age != ZAMMALI_MODES_BLANK")),
 }
 
 
@@ -77,7 +87,7 @@ def test_a_changed_c_is_refused(name):
             constants(design_of(name), "float32", "table", text.replace(old, new, 1), header)
     with pytest.raises(CertificateError, match="macros"):
         constants(design_of(name), "float32", "table", text, re.sub(
-            r"(#define \w+_(?:LOST|AGES) )(\d+)U", r"\g<1>77U", header, count=1))
+            r"(#define \w+_(?:LOST|AGES|DWELL) )(\d+)U", r"\g<1>77U", header, count=1))
 
 
 @pytest.mark.parametrize("name", CHANGED)
@@ -108,6 +118,16 @@ def spoilt(design, where, key, change):
 
 
 FALSE = {
+    "sliding": (
+        *(("tables", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("d_hi", 0.98, "not far enough"), ("d_lo", 0.98, "not far enough"), ("v_lo", 0.98, "test could fail"),
+            ("limit", 0.1, "below the range of x"), ("G", 1.01, "not far enough"), ("L_hi", 1.001, "not the gain"),
+            ("x_hi", 0.9, "ranges: x box"), ("x0_lo", 0.9, "ranges: x0 box"))),
+        ("certificate", "gamma", lambda g: [0.9 * x for x in g], "level gamma"),
+        ("certificate", "P", lambda P: [[0.9 * x for x in p] for p in P], "no entry below 1"),
+        ("certificate", "target", lambda J: 0.4, "level beta|entries of J|J"),
+        ("certificate", "errors", lambda e: [[[0.99 * x for x in s] for s in m] for m in e], "does not settle"),
+        ("certificate", "dwell", lambda k: k - 1, "dwell time")),
     "filter": (
         ("tables", "h", lambda h: 0.99 * h, "estimate of fault 0"), ("tables", "limit", lambda x: 1e-3 * x, "limit|xi"),
         ("tables", "K", lambda K: 1.02 * K, "energy: smallest pivot|estimate of fault"),

@@ -6,12 +6,13 @@ import numpy as np
 
 
 def every_number_of_the_family(t, found, modes):
-    """All arrays of the tables but the ranges of x, which the C does not know, and S; of pairs of modes no diagonal."""
+    """All arrays of the tables but S and the ranges of x where the C has none; of pairs of modes no diagonal."""
     by_mode, checked = {key[0] for key in found if key[1]}, 0
     for name, value in vars(t).items():
-        if not isinstance(value, np.ndarray) or name in ("S", "x_lo", "x_hi", "x0_lo", "x0_hi"):
+        there = name in {key[0] for key in found}
+        if not isinstance(value, np.ndarray) or (name in ("S", "x_lo", "x_hi", "x0_lo", "x0_hi") and not there):
             continue
-        if name not in {key[0] for key in found} and not np.any(value):
+        if not there and not np.any(value):
             continue  # a product with zeros alone is left out
         for index, v in np.ndenumerate(value):
             if name.startswith(("J", "birth")) and index[0] == index[1]:
