@@ -171,7 +171,7 @@ def _of_boxes(modes, t, names: Names, d: DesignView) -> RoundingView:
 def _of_pairs(modes, t, names: Names, d: DesignView) -> RoundingView:
     """State the sums of an estimator by sliding modes; the margin of each is what its offsets hold for the rounding."""
     rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in gappa_pairs.sums(modes, t, names.prefix))
-    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in gappa_pairs.operands(modes, t)), (), rows,
+    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in gappa_pairs.operands(t)), (), rows,
                         float(np.finfo(t.dtype).max).hex(), ABOUT_PAIRS, LAST_POINTS)
 
 

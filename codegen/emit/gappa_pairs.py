@@ -34,7 +34,7 @@ def sums(modes, t, prefix: str) -> Iterator[BoxSum]:
     ------
     BoxSum
     """
-    room = _Rooms(modes[0], t)
+    room = _Rooms(t)
     for i, row in enumerate(t.D):
         if np.any(row):
             yield BoxSum(f"{prefix}_seen_{i}", f"y[{i}] less D u", _join([f"in_y_{i}", *_row(-row, "in_u")]),
@@ -53,18 +53,17 @@ def sums(modes, t, prefix: str) -> Iterator[BoxSum]:
                              room.moved(q, i, side))
 
 
-def operands(modes, t) -> Iterator[tuple[str, str, str]]:
+def operands(t) -> Iterator[tuple[str, str, str]]:
     """Name every number that the sums read, with the ends of its range; ``seen`` is y less D u.
 
     Parameters
     ----------
-    modes : sequence of Mode
     t : SlidingTables
     """
     for vector in "uy" if np.any(t.D) else "u":
         lo, hi = (getattr(t, f"{vector}_{side}").astype(float) for side in SIDES)
         yield from ((f"in_{vector}_{j}", a.hex(), b.hex()) for j, (a, b) in enumerate(zip(lo, hi)))
-    for j, most in enumerate(_Rooms(modes[0], t).seen):
+    for j, most in enumerate(_Rooms(t).seen):
         yield f"seen_{j}", (-up(most)).hex(), up(most).hex()
     for k, most in enumerate(t.limit.astype(float)):
         yield from ((f"s_{side}_{k}", (-most).hex(), most.hex()) for side in SIDES)
@@ -73,10 +72,10 @@ def operands(modes, t) -> Iterator[tuple[str, str, str]]:
 class _Rooms:
     """What the proof of the tables holds for the rounding of each sum, rounded down."""
 
-    def __init__(self, mode, t):
-        self.mode, self.t, self.n, self.n_u, self.p = mode, t, *t.sizes[1:]
-        self.u, self.y, self.x = (np.maximum(np.abs(getattr(t, f"{k}_lo")), np.abs(getattr(t, f"{k}_hi"))).astype(float)
-                                  for k in "uyx")
+    def __init__(self, t):
+        self.t, self.n, self.n_u, self.p = t, *t.sizes[1:]
+        self.u, self.y = (np.maximum(np.abs(getattr(t, f"{k}_lo")), np.abs(getattr(t, f"{k}_hi"))).astype(float)
+                                  for k in "uy")
         self.tiny = fmpq(*float(np.finfo(t.real).smallest_subnormal).as_integer_ratio()) * (
             4 * (self.n + self.n_u + self.p) + 16)
         fed = [size(row, self.u) for row in t.D]
@@ -89,13 +88,10 @@ class _Rooms:
         return k * UNIT[self.t.real] / (1 - k * UNIT[self.t.real])
 
     def tested(self, i: int, side: str) -> float:
-        """What the bound of the noise leaves, less noise, the measurement's own error and the rounded C."""
-        t, m, sign = self.t, self.mode, 1 if side == "hi" else -1
-        noise = sum((max(sign * Q(a) * Q(b) for b in ends) for a, *ends in zip(m.Dv[i], m.v_lo, m.v_hi)), fmpq(0))
-        whole = Q(self.y[i]) + size(t.D[i], self.u)
-        left = size(m.D[i] - t.D[i].astype(float), self.u) + size(m.C[i] - t.H[i].astype(float), self.x)
-        lost = self.gamma(self.n_u + 3) * whole + left + 2 * self.tiny
-        return down(sign * Q(getattr(t, f"v_{side}")[i]) - noise - lost)
+        """What the bound of the noise holds for the rounding of an output's bound."""
+        t = self.t
+        terms = size(t.H[i], t.limit) + self.seen[i] + abs(Q(getattr(t, f"v_{side}")[i]))
+        return down(self.gamma(self.n + 4) * terms)
 
     def moved(self, q: int, i: int, side: str) -> float:
         """What the offset of a bound holds for the rounding of its sum."""

@@ -90,7 +90,7 @@ def prove(folder: str | Path) -> ProofResult:
     sources = [f"{prefix}.c", f"prove_{prefix}.c"]
     if record.get("family") in UNPROVED:
         raise ToolError(f"{folder}: no harness is made for family {record['family']} (found), expected framers, a "
-                        "point observer, a filter or a set of modes. residua certify, fuzz and validate check it.")
+                        "point observer, a filter or a mode estimator. residua certify, fuzz and validate check it.")
     for name in sources:
         if not (folder / name).is_file():
             raise ToolError(f"{folder / name}: not found. Make the folder again with residua generate.")

@@ -1,4 +1,4 @@
-"""The independent checker on filters and mode estimators: it agrees with the certificate, and refuses what is false."""
+"""The independent checker on filters, mode estimators and such: it agrees with certificates, refuses what is false."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def checker():
     """The parts of the checker, in this process."""
     sys.path.insert(0, str(CHECKER.parent))
     try:
-        yield {name: __import__(f"independent_{name}") for name in ("filter", "energy", "births")}
+        yield {name: __import__(f"independent_{name}") for name in ("filter", "energy", "births", "sliding")}
     finally:
         sys.path.remove(str(CHECKER.parent))
 
@@ -177,8 +177,65 @@ def test_rounding_counts(checker, plants):
         boxes(checker["births"], data, "float64", plants)
 
 
+SLIDING = {
+    "d_hi": ((*T, "d_hi", 0, 0), 0.97, "offset of x_hi"), "d_lo": ((*T, "d_lo", 2, 0), 0.9, "offset of x_lo"),
+    "M": ((*T, "M_lo", 1, 0, 0), -1.0, "M_lo < 0"), "L": ((*T, "L_hi", 0, 0, 0), 1.0001, "not the gain"),
+    "G": ((*T, "G", 1, 2, 0), 1.01, "offset"), "v": ((*T, "v_hi", 0), 0.99, "v_hi"),
+    "H": ((*T, "H", 0, 0), 1.01, "v_hi"),
+    "range": ((*T, "x_hi", 0), 0.9, "box x too small"), "initial box": ((*T, "x0_lo", 1), 0.9, "box x0 too small"),
+    "limit": ((*T, "limit", 0), 0.1, "limit"), "dwell": ((*T, "dwell"), 31, "dwell"),
+    "blank": ((*T, "blank"), 5, "blank"),
+    "P": ((*C, "P", 0, 1), 0.9, "P or J"), "J": ((*C, "target"), 0.9, "P or J"), "gamma": (
+        (*C, "gamma", 1), 0.99, "level gamma"), "beta": ((*C, "beta", 2), 0.99, "level beta"),
+    "limit of the gains": ((*C, "limit"), 0.01, "Metzler"), "gain": ((*C, "L_lo", 0, 0, 0), 0.9, "level|not the gain"),
+    "error": ((*C, "errors", 0, 0, 0), 0.99, "does not settle"),
+}
+
+
+@pytest.fixture(scope="module")
+def period():
+    """The exponentials of the committed plant, calculated once."""
+    made = {}
+
+    def of(module, modes, unit, T):
+        if str(modes) not in made:
+            made[str(modes)] = Plant(modes, unit, T)
+        return made[str(modes)]
+
+    sys.path.insert(0, str(CHECKER.parent))
+    Plant = __import__("independent_period").Plant  # noqa: N806
+    sys.path.remove(str(CHECKER.parent))
+    return of
+
+
+@pytest.mark.parametrize("name", SLIDING)
+def test_refuses_false_claims_of_sliding_modes(name, checker, period, monkeypatch):
+    folder, data = folder_of("sliding")
+    path, factor, words = SLIDING[name]
+    record = json.loads((folder / "resources.json").read_text())
+    monkeypatch.setattr(checker["sliding"], "Plant", lambda *of: period(checker["sliding"], *of))
+    with pytest.raises(SystemExit, match=f"refused: .*{words}"):
+        checker["sliding"].main(folder, scaled(data, path, factor), record)
+
+
+@pytest.mark.parametrize("old, new, words", [
+    ('name = "w1", bounds = [-0.02, 0.02]', 'name = "w1", bounds = [-0.03, 0.02]', "does not settle"),
+    ("minimum_dwell = 0.15", "minimum_dwell = 0.14", "dwell time"),
+    ('name = "v", bounds = [-0.02, 0.02]', 'name = "v", bounds = [-0.02, 0.021]', "v_hi")])
+def test_refuses_sliding_modes_of_another_plant(old, new, words, checker, period, monkeypatch):
+    folder, data = folder_of("sliding")
+    assert data["plant"]["toml"].count(old) == 1
+    other = data | {"plant": data["plant"] | {"toml": data["plant"]["toml"].replace(old, new)}}
+    monkeypatch.setattr(checker["sliding"], "Plant", lambda *of: period(checker["sliding"], *of))
+    with pytest.raises(SystemExit, match=words):
+        checker["sliding"].main(folder, other, json.loads((folder / "resources.json").read_text()))
+
+
 #: What of the C, and what instead.
 CHANGES = {
+    "sliding": ((r"(limit\[\w+\] = \{\s*)[\d.]+F", r"\g<1>0.123F"), (r"_PULL [\d.]+F", "_PULL 1.5F"),
+                (r"move_hi\(const", "move_no(const"), (r"<= 15\.0F", "<= 16.0F"), (r"-1\.0F : 1\.0F", "-2.0F : 1.0F"),
+                (r"(M\[[^{]*\{\s*\{[^{]*\{ )([\d.e-]+F), ([\d.e-]+F)", r"\1\3, \2")),
     "filter": ((r"(limit\[\w+\] = \{\s*)[\d.]+F", r"\g<1>0.123F"), (r"\{ (-?[\d.]+F), (-?[\d.]+F)", r"{ \1, 0.5F"),
                (r"\{ (\{ [\d.]+F \}), (\{ [\d.]+F \}) \}", r"{ \2, \1 }"), (r"since = 36U", "since = 56U"),
                (r"since >> 1U", "since >> 2U"), (r"since = 0U", "since = 1U"), (r">= -10\.0F", ">= -11.0F")),
@@ -188,7 +245,7 @@ CHANGES = {
 }
 
 
-@pytest.mark.parametrize("family, part", [("filter", "filter"), ("mode", "births")])
+@pytest.mark.parametrize("family, part", [("filter", "filter"), ("mode", "births"), ("sliding", "sliding")])
 def test_refuses_another_c(family, part, checker):
     folder, data = folder_of(family)
     prefix, check = prefix_of(folder), checker[part].check_source
@@ -200,7 +257,7 @@ def test_refuses_another_c(family, part, checker):
         with pytest.raises(SystemExit, match="refused: "):
             check(other, header, data["tables"]["float32"], prefix)
             pytest.fail(pattern)
-    other, count = re.subn(r"(#define \w+_(?:LOST|OLDEST) )\d+U", r"\g<1>3U", header)
-    assert count == 1
+    other, count = re.subn(r"(#define \w+_(?:LOST|OLDEST|DWELL) )\d+U", r"\g<1>3U", header)
+    assert count
     with pytest.raises(SystemExit, match="refused: (?:macro|ages)"):
         check(text, other, data["tables"]["float32"], prefix)

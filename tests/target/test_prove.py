@@ -110,7 +110,11 @@ OTHER_MUTANTS = {  # of a filter and of a small mode estimator: what of the C, w
     "no estimate": ("filter", r"(?m)^        farhat_estimate\(s, in, out\);\n", "", "initialized"),
     "ends of any size": ("mode", r"\(matrix\[i\]\[k\] \* lo\[k\]\)", "(3e38F * lo[k])", "is_finite"),
     "a decision that is no mode": ("mode", r"\(s->decided < VALVE_MODES\) \? s->decided : 0U", "VALVE_MODES", "q < 2"),
-    "bounds without a beginning": ("mode", r"out->x_lo\[i\] = FLT_MAX;", "", "initialized")}
+    "bounds without a beginning": ("mode", r"out->x_lo\[i\] = FLT_MAX;", "", "initialized"),
+    "a mean that grows": ("sliding", r"\(total - old\)", "(total + old)", "level"),
+    "a bound that is not cut": ("sliding", r"result = limit;", "result = value;", "box_hi|is_finite"),
+    "spans without end": ("sliding", r"since == \w+_DWELL\)\)", "since == 0U))", "s->since"),
+    "pairs that begin anywhere": ("sliding", r"lo\[i\] = least\[i\];", "", "initialized|box_lo")}
 
 
 @pytest.mark.parametrize("mutant", OTHER_MUTANTS)
@@ -118,8 +122,8 @@ def test_what_is_wrong_of_filters_and_boxes_is_not_proved(mutant, tmp_path):
     need("frama-c")
     family, pattern, text, words = OTHER_MUTANTS[mutant]
     folder = tmp_path / "copy"
-    if family == "filter":
-        shutil.copytree(next(f for f in OTHERS if f.name.startswith("farhat")), folder)
+    if family != "mode":
+        shutil.copytree(next(f for f in OTHERS if family_of(f) == family and "vehicle" not in f.name), folder)
     else:
         write(small_modes.stand_in("one input", 1), folder)
     rewrite(folder, f"{prefix_of(folder)}.c", pattern, text, 0)
