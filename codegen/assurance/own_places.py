@@ -1,4 +1,4 @@
-"""Where every constant of a filter, a mode estimator or an estimator by sliding modes stands in its C.
+"""Where every constant of a filter, a mode estimator, an estimator by sliding modes or a bank stands in its C.
 
 The maps of a filter are executed with symbols, as those of framers are (``places``). All the rest, and a mode estimator
 whole, is the same text for all numbers: its tables are read number for number, and all that is no number must be the
@@ -18,6 +18,7 @@ from ..emit import filter_parts
 from ..emit.maps import MapSpec, Names
 from ..emit.render import render
 from ..errors import CertificateError
+from .bank_places import read_bank, tables_of
 from .c_reader import Source, read
 from .point_places import UNPRINTED, read_tables, require_all, same_tree
 from .symbolic import Coefficient, number
@@ -61,6 +62,11 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
     fresh = read(d.prefix, render(f"{d.family}.c.jinja", d=d), render(d.header, d=d))
     same_tree(source, fresh)
     same_directives(source, fresh)
+    if design.observer.family == "bank":
+        read_apart, known = read_apart | read_bank(source, d.prefix, t, found), tables_of(t)
+        read_tables(source, d.real, known, [], read_apart, set(), seen := set(), found)
+        require_all(source, known, seen)
+        return
     every, boxes = {f.name: getattr(t, f.name) for f in fields(t)}, PRINTED.get(design.observer.family, set())
     known = {k: v for k, v in every.items() if isinstance(v, np.ndarray) and k not in (UNPRINTED - boxes) | OFFLINE}
     seen = set(READ_BY_MAPS) if design.observer.family == "filter" else set()

@@ -93,7 +93,7 @@ def harness(design, d: DesignView) -> HarnessView:
         numbers["x_hat"] = (-t.box, t.box)
         own = set_ranges.of(design.observer.family, t, {f.name: f.type for f in d.state_fields
                                                         if f.name not in numbers and f.name not in words})
-        numbers, words = numbers | own.numbers | own.shown, words | own.words
+        numbers, words = numbers | own.kept | own.numbers, words | own.words
     counts = _counts(d)
     least = tuple(initialiser(numbers[f.name][0], d.real) if f.name in numbers else _words(0, counts.get(f.size))
                   for f in d.state_fields)

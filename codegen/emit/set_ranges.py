@@ -28,14 +28,14 @@ class Ranges:
         Member -> largest value, which Eva shows to stay.
     about : tuple of str
         Lines that say what keeps the numbers there.
-    shown : dict
-        As ``numbers``, of members that Eva shows to stay.
+    kept : dict
+        Member -> (least, most) of numbers that the C cuts to these ends, which Eva shows to stay.
     """
 
     numbers: dict
     words: dict
     about: tuple[str, ...]
-    shown: dict = field(default_factory=dict)
+    kept: dict = field(default_factory=dict)
 
 
 NONE = Ranges({}, {}, ())
@@ -62,7 +62,7 @@ def of(family: str, t, members: dict[str, str]) -> Ranges:
         A member has no range.
     """
     made = RANGES.get(family, within_limits)(t, members)
-    unknown = [name for name in members if not any(name in part for part in (made.numbers, made.words, made.shown))]
+    unknown = [name for name in members if name not in made.numbers | made.words | made.kept]
     if unknown:
         raise EmitError(f"{family}: members {', '.join(unknown)} of the state have no range for Frama-C (expected one "
                         "each). Add the family to codegen/emit/set_ranges.py.")
@@ -148,10 +148,16 @@ def pairs(t, members: dict[str, str]) -> Ranges:
     count, rates = len(t.M_hi), float(np.sum(t.rate_limit))
     limits = {"box": np.tile(t.limit, count), "shown": t.limit, "twist": np.tile(t.z_limit, count),
               "rate": np.tile(t.rate_limit, count)}
-    shown = {f"{k}_{side}": (-most, most) for k, most in limits.items() for side in ("lo", "hi")}
-    shown["level"] = np.zeros(count, t.dtype), np.full(count, 4 * rates).astype(t.dtype)
+    kept = {f"{k}_{side}": (-most, most) for k, most in limits.items() for side in ("lo", "hi")}
+    kept["level"] = np.zeros(count, t.dtype), np.full(count, 4 * rates).astype(t.dtype)
     words = {"decided": count - 1, "best": count - 1, "age": OLDEST, "since": t.dwell - 1, "last": t.dwell - 1}
-    return Ranges({}, words | dict.fromkeys(("fresh", "armed", "refuted"), 2 ** count - 1), (), shown)
+    return Ranges({}, words | dict.fromkeys(("fresh", "armed", "refuted"), 2 ** count - 1), (), kept)
+
+
+def bank(t, members: dict[str, str]) -> Ranges:
+    """States and averages, with which all observers start anew beyond their limits; counts."""
+    return Ranges({}, {"left": t.keep, "wait": max(t.settle, t.begin)}, (),
+                  {"z": (-t.limit, t.limit), "a": (-t.most, t.most)})
 
 
 def carried(t) -> Array:
@@ -175,4 +181,4 @@ def _origin(t) -> dict:
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
-          "mode": modes, "sliding": pairs}
+          "mode": modes, "sliding": pairs, "bank": bank}

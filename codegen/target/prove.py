@@ -32,11 +32,13 @@ OPTIONS = ("-no-autoload-plugins", "-load-module", "from,inout,eva,scope,report"
 PATHS = {"calls": 100_000, "one_step": 100, "one_predict": 100, "refused": 100, "{}_step": 200, "{}_predict": 200,
          "{}_check": 200, "{}_y_accepted": 500}
 
-#: What of a family is looked at in parts of the range of a number: a mean, which reads what it writes.
+#: Where paths of a family are kept apart, and where the range of a number is looked at in parts: a mean reads what it
+#: writes.
+OWN_PATHS = {"bank": {"{}_sound": 200}}
 IN_PARTS = {"sliding": "{}_pair:16"}
 
 #: Families without a harness.
-UNPROVED = ("polytopic", "bank", "driven")
+UNPROVED = ("polytopic", "driven")
 ASSERTS = ("state_is_in_box", "answer_is_whole", "nothing_is_written", "refused")  # functions of the harness
 
 
@@ -96,6 +98,7 @@ def prove(folder: str | Path) -> ProofResult:
             raise ToolError(f"{folder / name}: not found. Make the folder again with residua generate.")
     paths = PATHS | ({"{}_u_accepted": 500} if inputs else {})
     paths |= {"{}_theta_accepted": 500} if record.get("n_theta") else {}
+    paths |= OWN_PATHS.get(record.get("family"), {})
     apart = ",".join(f"{name.format(prefix)}:{count}" for name, count in paths.items())
     longest = max([64, *(count + 1 for _, _, count in record.get("state", ()))])  # loops over an error set too
     parts = IN_PARTS.get(record.get("family"), "").format(prefix)
