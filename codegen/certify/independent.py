@@ -19,7 +19,7 @@ from pathlib import Path
 
 UNIT = {"float32": (F(1, 2**24), F(1, 2**126)), "float64": (F(1, 2**53), F(1, 2**1022))}
 SIDES = (("hi", 1), ("lo", -1))
-BESIDE = {"vary": "lpv", "shape": "sets", "lost": "filter", "birth": "births", "z_limit": "sliding"}  # by their tables
+BESIDE = {"vary": "lpv", "shape": "sets", "lost": "filter", "birth": "births", "z_limit": "sliding", "members": "bank"}
 
 
 def demand(condition, text):
