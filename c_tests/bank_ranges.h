@@ -72,7 +72,7 @@ static int framers_are_cut(void)
     return 0;
 }
 
-/* What is no number any more starts anew, and everything is finite again. */
+/* What is no number any more, or beyond its limit, starts anew, and everything is finite again. */
 static int framers_at_the_ends(void)
 {
     for (uint32_t n = 0U; n < ((M(NZ) + M(NA)) * 2U); n++)

@@ -23,6 +23,19 @@ def every_number_of_the_family(t, found, modes):
     assert checked == len(found)
 
 
+def every_number_of_a_bank(t, found):
+    """All numbers of all members, thresholds, limits, weights and ranges of the input check, and none beside."""
+    expected = {("rate", ""): t.rate} | {("weights", "", k): c for k, c in enumerate(t.weights.constants)}
+    parts = [(f"{name}_{k}", getattr(m, name)) for k, m in enumerate(t.members)
+             for name in ("T2", "C", "F", "G", "K", "M", "z0")]
+    for name, value in (*parts, *((k, getattr(t, k)) for k in (
+            "bound", "limit", "most", "u_lo", "u_hi", "y_lo", "y_hi"))):
+        expected |= {(name, "", *index): float(v) for index, v in np.ndenumerate(value)}
+    for key in [k for k in expected if k[0] == "weights" and k not in found]:
+        assert not expected.pop(key)  # zeros are many
+    assert found == expected
+
+
 def every_number_of_a_set(t, found, modes):
     """Estimate, set, box and input checks, each entry with its value; fields with equal numbers have one name."""
     stems = {key[0] for key in found}

@@ -301,8 +301,9 @@ def test_a_bank_of_given_vertices_is_proved_and_a_foreign_plant_is_not_judged(ch
 
 #: What of the C, and what instead.
 CHANGES = {
-    "bank": ((r"s->z\[2\] \+ in->y\[1\]", "s->z[2] + in->y[0]"), (r"left\[i\] = 100U", "left[i] = 10U"), (r"wait = 431U", "wait = 43U"),
-             (r"0x2U, 0x1U", "0x1U, 0x2U"), (r"(bound\[\w+\] = \{\s*)[\d.]+F", r"\g<1>0.123F"), (r"12\.75\d*F", "12.5F"),
+    "bank": ((r"s->z\[2\] \+ in->y\[1\]", "s->z[2] + in->y[0]"), (r"left\[i\] = 100U", "left[i] = 10U"),
+             (r"wait = 431U", "wait = 43U"), (r"12\.75\d*F", "12.5F"),
+             (r"0x2U, 0x1U", "0x1U, 0x2U"), (r"(bound\[\w+\] = \{\s*)[\d.]+F", r"\g<1>0.123F"),
              (r"0\.73849833F", "0.73849837F"), (r"s->z\[0\] = 0\.1F", "s->z[0] = 0.3F"), (r"<= 20\.0F", "<= 21.0F"),
              (r"out->r\[i\] = 0\.0F", "out->r[i] = 1.5F")),
     "sliding": ((r"(limit\[\w+\] = \{\s*)[\d.]+F", r"\g<1>0.123F"), (r"_PULL [\d.]+F", "_PULL 1.5F"),
@@ -317,7 +318,8 @@ CHANGES = {
 }
 
 
-@pytest.mark.parametrize("family, part", [("filter", "filter"), ("mode", "births"), ("sliding", "sliding"), ("bank", "bank")])
+@pytest.mark.parametrize("family, part", [
+    ("filter", "filter"), ("mode", "births"), ("sliding", "sliding"), ("bank", "bank")])
 def test_refuses_another_c(family, part, checker):
     folder, data = folder_of(family)
     prefix, check = prefix_of(folder), checker[part].check_source

@@ -32,7 +32,7 @@ def test_committed_designs(folder):
     assert found.runs == 50000 and found.edges > 80
 
 
-@pytest.mark.parametrize("family", ["ellipsoid", "thresholds", "filter", "mode", "sliding"])
+@pytest.mark.parametrize("family", ["ellipsoid", "thresholds", "filter", "mode", "sliding", "bank"])
 def test_other_observers(family):
     """The set online and as a table, a filter, boxes, pairs; of the other point observers the same common part."""
     found = run(next(f for f in KEPT if family_of(f) == family), 2000)
