@@ -52,7 +52,9 @@
  *   scenarios of the plant file; no measurement missing): a further run of this kind raises an alarm with
  *   probability 0.05 at most, confidence 0.95
  *
- * out->assured says at run time, for this very sample, whether these statements are in force.
+ * out->assured is 0 at every sample, for the thresholds are calibrated: on the very arithmetic of this C, so that
+ * there are no rounding margins to prove. A state or an average beyond its limits, which only spoilt memory leads
+ * to, starts all observers anew.
  *
  * WHAT IS ASSUMED
  *

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
 from helpers.kept import OTHERS, POINTS, ROUNDED, STATED, family_of
@@ -19,6 +20,7 @@ from helpers.tools import need
 from codegen import design as make
 from codegen.certify.exact import Q
 from codegen.certify.sets import SetDemands
+from codegen.cli import main
 from codegen.designs import read_design
 from codegen.emit import files
 from codegen.emit.gappa import rounding
@@ -32,6 +34,7 @@ from codegen.plant.load import gallery_names, load
 from codegen.plant.uncertain import is_uncertain
 from codegen.synthesis import METHODS
 from codegen.target.gappa import nothing_to_prove, prove_rounding, require_rounding
+from codegen.target.prove import ProofResult
 
 REALS = ("float32", "float64")
 SMALL = 30  # sums: a larger script is proved in the number type of the plant file only
@@ -92,13 +95,18 @@ def test_every_kept_design_is_confirmed(folder, real, tmp_path):
     assert result.rows >= (2 * n_x + 1) * (1 if folder in POINTS + OTHERS else 2) and result.version.startswith("1")
 
 
-def test_a_family_without_margins_says_so():
+def test_a_family_without_margins_says_so(tmp_path, monkeypatch):
     """Of calibrated thresholds there is no margin to prove: no script is printed, and the command says why."""
     folder = next(f for f in STATED if f not in ROUNDED)
     assert not list(folder.glob("*.g")) and not any(name.endswith(".g") for name in files(
         read_design(folder), measure=False))
     assert "calibrated on the arithmetic of the C itself" in nothing_to_prove(folder)
     assert all(nothing_to_prove(f) == "" for f in ROUNDED)
+    header = " ".join(next(folder.glob("*.h")).read_text().replace("*", " ").split())
+    assert "so that there are no rounding margins to prove" in header
+    monkeypatch.setattr("codegen.target.prove.prove", lambda _: ProofResult(True, (), 0.1, "0", {"step": 1}, 100))
+    done = CliRunner().invoke(main, ["prove", str(shutil.copytree(folder, tmp_path / "copy"))])
+    assert done.exit_code == 0 and "no rounding margins to prove" in done.output and "Gappa" not in done.output
     with pytest.raises(ToolError, match="not found"):
         prove_rounding(folder)
 
