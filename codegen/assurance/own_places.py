@@ -1,9 +1,10 @@
-"""Where every constant of a filter, a mode estimator, an estimator by sliding modes or a bank stands in its C.
+"""Where every constant stands in the C of filters, mode estimators, driven framers, polytopic observers and banks.
 
-The maps of a filter are executed with symbols, as those of framers are (``places``). All the rest, and a mode estimator
-whole, is the same text for all numbers: its tables are read number for number, and all that is no number must be the
-tree of the C as it is printed anew, as with the sets of point observers (``point_places``). Directives of the
-preprocessor are no part of the tree: they are compared line by line, and numbers that they define are read.
+The maps of a filter and of driven framers are executed with symbols, as those of framers are (``places``); sums of
+polytopic observers and of banks are read one by one. All the rest, and mode estimators whole, is the same text for all
+numbers: its tables are read number for number, and all that is no number must be the tree of the C as it is printed
+anew, as with the sets of point observers (``point_places``). Directives of the preprocessor are no part of the tree:
+they are compared line by line, and numbers that they define are read.
 """
 
 from __future__ import annotations
@@ -14,17 +15,19 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..emit import filter_parts
+from ..emit import driven_parts, filter_parts
 from ..emit.maps import MapSpec, Names
 from ..emit.render import render
+from ..emit.varying import Varying
 from ..errors import CertificateError
 from .bank_places import read_bank, tables_of
 from .c_reader import Source, read
 from .point_places import UNPRINTED, read_tables, require_all, same_tree
+from .polytopic_places import read_polytopic
 from .symbolic import Coefficient, number
 
 #: Fields of the tables that are no constants of the C: coordinates in which the boxes are stated.
-OFFLINE = {"S"}
+OFFLINE = {"S", "S_rounded"}
 #: What the maps of a filter hold.
 READ_BY_MAPS = {"M", "G", "L", "K", "Du", "Dy"}
 
@@ -35,8 +38,10 @@ PRINTED = {"sliding": {"x_lo", "x_hi", "x0_lo", "x0_hi"}}
 DEFINED = r"#define (\w+) ((?=[\d.]*[.e])\d[\d.]*(?:e[+-]?\d+)?F?)(?=\s|$)"
 
 
-def maps(family: str, t, names: Names, d) -> tuple[MapSpec, ...]:
-    """The affine maps that can be executed with symbols; none of a mode estimator, whose boxes take turns."""
+def maps(family: str, t, names: Names, d) -> tuple[MapSpec | Varying, ...]:
+    """The affine maps that can be executed with symbols, of filters and driven framers."""
+    if family == "driven":
+        return driven_parts.maps(t.told, names, d.x, d.y)
     return filter_parts.maps(t, names, next(z.faults for z in d.sets)) if family == "filter" else ()
 
 
@@ -49,7 +54,7 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
     design : Design
     d : DesignView
         Of the C as it must be.
-    t : FilterTables or ModeTables
+    t : FilterTables, ModeTables or DrivenTables
     read_apart : set of str
     found : object
         ``add`` takes what is read.
@@ -62,6 +67,10 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
     fresh = read(d.prefix, render(f"{d.family}.c.jinja", d=d), render(d.header, d=d))
     same_tree(source, fresh)
     same_directives(source, fresh)
+    if design.observer.family == "polytopic":  # its sums are statements, read one by one
+        read_apart |= read_polytopic(source, d.prefix, t, found)
+        read_tables(source, d.real, {}, [], read_apart, set(), set(), found)
+        return
     if design.observer.family == "bank":
         read_apart, known = read_apart | read_bank(source, d.prefix, t, found), tables_of(t)
         read_tables(source, d.real, known, [], read_apart, set(), seen := set(), found)
@@ -69,6 +78,7 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
         return
     every, boxes = {f.name: getattr(t, f.name) for f in fields(t)}, PRINTED.get(design.observer.family, set())
     known = {k: v for k, v in every.items() if isinstance(v, np.ndarray) and k not in (UNPRINTED - boxes) | OFFLINE}
+    known |= {"frame_limit": t.told.box, "forth": t.S_rounded} if "told" in every else {}  # as the C calls them
     seen = set(READ_BY_MAPS) if design.observer.family == "filter" else set()
     defined = read_macros(source, d.macro, d.real, known, found)
     seen |= defined
