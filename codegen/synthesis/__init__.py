@@ -130,7 +130,7 @@ METHODS = {
 SETS = {"set": ("zonotope", "ellipsoid", "interval"), "order": (2, 200),
         "tables": ("none", "schedule", "dwell", "arbitrary"), "rows": (1, 200), "stages": (3, 50),
         "directions": (2, 64), "weights": ("fixed", "trace"),
-        "membership": ("auto", "exact", "directions"), "gains": dict}
+        "membership": ("auto", "exact", "directions"), "gains": dict, "modes": ("set",), **mode_set.OPTIONS}
 
 
 def known_options(methods: list[str]) -> dict:
