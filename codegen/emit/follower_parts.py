@@ -97,7 +97,8 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     vectors = tuple(Copy(f[1], sizes[f[1]][0]) for f in kept)
     origin = [f for f in told.state.members if f[0] == "uint32_t" and f[1] not in (*CALLS, "mode")]
     numbers: list[Member] = [member for member in own.state.members if member[1] in ("box_lo", "box_hi")]
-    numbers += [(real, f"told_{f[1]}", f"[{sizes[f[1]][0]}]", f[3]) for f in kept]
+    numbers += [(real, f"told_{f[1]}", f"[{sizes[f[1]][0]}]", tuple(line.replace(inner.macro, m) for line in f[3]))
+                for f in kept]
     numbers += [(real, f"told_{side}", f"[{m}_NX]", (f"{end} bounds of x, of the observer",))
                 for side, end in (("lo", "lower"), ("hi", "upper"))]
     numbers += [member for member in own.state.members if member[1] == "alive"]

@@ -24,7 +24,7 @@ WIDE = THREE.replace('kind = "continuous"', 'kind = "discrete"').replace(
     "[[-0.5, -1, 0], [0, -1, 0.2], [0.1, 0, -3]]", "[[0.9, -0.3, 0], [0, 0.7, 0.1], [0.1, 0, 0.3]]")
 PLANTS = {"hidden": DISCRETE.replace(*NOISY), "wide": WIDE}
 #: Plant, options of the set and whether there is a gain N, by name.
-CASES = {"zonotope": ("hidden", {}, True), "box": ("wide", {"set": "interval"}, True),
+CASES = {"zonotope": ("wide", {}, True), "box": ("hidden", {"set": "interval"}, True),
          "ellipsoid": ("wide", {"set": "ellipsoid"}, False),
          "trace": ("hidden", {"set": "ellipsoid", "weights": "trace"}, False)}
 AGES = 3
