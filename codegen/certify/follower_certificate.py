@@ -40,8 +40,8 @@ def check(plant, t, cert: dict) -> list[str]:
     check_start(t)
     check_ranges({"x": plant.limits("x"), "x0": (plant.x0_lo, plant.x0_hi)}, t.told)
     if cert["told"]["set"] != t.set:
-        raise CertificateError(f'certificate: of a set "{cert["told"]["set"]}", the tables have a set "{t.set}". Design '
-                               "again.")
+        raise CertificateError(f'certificate: of a set "{cert["told"]["set"]}", the tables have a set "{t.set}". '
+                               "Design again.")
     set_claims.check(plant.observed.modes, t.told, cert["told"])
     first, *others = mode_certificate.check(plant, t, cert)
     return [first,

@@ -49,8 +49,8 @@ class InnerView:
 class FollowerView(ModeView):
     """Beside the estimator's: the inner C, what of its state is kept, and what a start needs.
 
-    ``copies`` and ``words`` are vectors and words that are lent to the observer, ``carried`` those vectors that it gives
-    back; ``squares`` (a factor) and ``turn`` have an entry where the set begins with squares, or with half widths
+    ``copies`` and ``words`` are vectors and words that are lent to the observer, ``carried`` the vectors that it
+    gives back; ``squares`` (a factor) and ``turn`` have an entry where the set begins with squares, or with half widths
     in other coordinates.
     """
 
@@ -121,7 +121,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
 
 def _inner(told: Parts, t, inner: Names, names: Names, signals: tuple) -> InnerView:
     """Collect what the inner C prints of the observer."""
-    m, (x, u, y) = inner.macro, signals
+    m, u = inner.macro, signals[1]
     sizes = [Size(name, f"{names.macro}_{name}", note) for name, note in (
         ("NX", "states"), *(("NU", "inputs") for _ in u[:1]), ("NY", "outputs"), ("MODES", "modes"))]
     sizes += [Size(f"BIT_{bit.macro}", bit.value, bit.text) for bit in told.bits if bit.macro == "TOGETHER"]

@@ -231,7 +231,8 @@ def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
     if isinstance(t, PolytopicTables):
         return polytopic_parts.parts(t, s, names, signals)
     make = (driven_parts.parts if isinstance(t, DrivenTables) else
-            follower_parts.parts if isinstance(t, FollowerTables) else mode_parts.parts if isinstance(t, ModeTables) else
+            follower_parts.parts if isinstance(t, FollowerTables) else
+            mode_parts.parts if isinstance(t, ModeTables) else
             sliding_parts.parts if isinstance(t, SlidingTables) else
             point_parts.parts if isinstance(t, PointTables) else framer_parts.parts)
     return make(design.observer.family, t, s, names, signals, layout)

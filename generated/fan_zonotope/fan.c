@@ -990,11 +990,12 @@ static void fan_answer(fan_state *s, fan_out *out)
     for (uint32_t q = 0U; q < FAN_MODES; q++)
     {
         const uint32_t alive = s->alive[q] & FAN_ANY_AGE;
-        fan_real below[FAN_NX];
-        fan_real above[FAN_NX];
 
         if (alive != 0U)
         {
+            fan_real below[FAN_NX];
+            fan_real above[FAN_NX];
+
             fan_hull(s, q, alive, below, above);
             for (uint32_t i = 0U; i < FAN_NX; i++)
             {

@@ -26,7 +26,7 @@ RUNS, STEPS = 5, 50
 
 @lru_cache
 def courses(plant_name: str, name: str):
-    """Switches as fast as allowed, then three times as slowly, the worst disturbance all the time; wrong ways lose it."""
+    """Switches as fast as allowed, then three times as slowly, the worst disturbance all the time."""
     return [exact_course(plant(name), AGES * (1 if seed < 3 else 3), STEPS, 35 + seed, (0, 0, 0, 1, -1)[seed])
             for seed in range(RUNS)]
 
@@ -134,11 +134,12 @@ def test_parts_go_together():
     t, p = tables("box", "float32"), plant("box")
     cert = {"told": told("box", "float32")[1]}
     own, tenth = t.told, np.float32(0.1)
-    for wrong, words in ((replace(t, xi_room=t.xi_room * np.float32(0.3)), "xi_room"), (replace(t, u_hi=t.u_hi * 2), "u_hi"),
+    weaker = replace(own, shape=replace(own.shape, g=own.shape.g * np.float32(0.9)))
+    for wrong, words in ((replace(t, xi_room=t.xi_room * tenth), "xi_room"), (replace(t, u_hi=t.u_hi * 2), "u_hi"),
                          (replace(t, x_hi=t.x_hi * 9), "ranges of x"), (replace(t, grow=np.float32(1)), "grow"),
                          (replace(t, square=np.float32(2)), "square"), (replace(t, floor=t.floor * tenth), "floor"),
                          (replace(t, set="zonotope"), 'of a set "box"'),
-                         (replace(t, told=replace(own, shape=replace(own.shape, g=own.shape.g * np.float32(0.9)))), "g")):
+                         (replace(t, told=weaker), "g")):
         with pytest.raises(CertificateError, match=words):
             follower_certificate.check(p, wrong, cert)
 
@@ -152,7 +153,7 @@ def committed():
 
 
 def test_the_gallery_plant_the_whole_way(tmp_path):
-    """Scenarios keep what is promised, bounds are a third as wide as the estimator's, faults of half the size are found."""
+    """Scenarios keep what is promised; bounds are a third as wide as the estimator's, faults of half the size found."""
     made = committed()
     p, cert = made.plant, made.certificate["float32"]
     assert made.observer.family == "follower" and cert["told"]["set"] == "zonotope"
@@ -165,7 +166,8 @@ def test_the_gallery_plant_the_whole_way(tmp_path):
     assert mode_promise.late("discrete", cert, run, trace, outcome.settled) == 0
     estimator = ModeObserver({r: t for r, t in made.observer.tables.items()}, Supervision())
     alone = estimator.run(run.u, run.y)
-    assert np.all((trace.x_hi - trace.x_lo)[20:].mean(axis=0) < [0.7, 0.4] * (alone.x_hi - alone.x_lo)[20:].mean(axis=0))
+    width, wide = ((o.x_hi - o.x_lo)[20:].mean(axis=0) for o in (trace, alone))
+    assert np.all(width < [0.7, 0.4] * wide)
     shifted = run.y + np.where(np.arange(300) >= 160, 0.05, 0)[:, None]
     first = [int(np.argmax(o.run(run.u, shifted).alarm)) for o in (made.observer, estimator)]
     assert 160 <= first[0] <= 162 < first[1]
