@@ -88,7 +88,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     """
     m, real, (x, u, y, _) = names.macro, names.real_type, signals
     own = mode_parts.parts("mode", t, s, names, signals, layout)
-    inner = replace(names, prefix=f"{names.prefix}_told", macro=f"{m}_TOLD")
+    inner = replace(names, prefix=f"{names.prefix}_told", macro=f"{m}_TOLD", checked=True)
     told = point_parts.parts(t.set, t.told, Supervision(), inner, signals, layout)
     shape = next(count for name, count in told.lengths if name == "NSHAPE")
     sizes = {"x_hat": (f"{m}_NX", len(x)), "u": (f"{m}_NU", len(u)), "y": (f"{m}_NY", len(y)),

@@ -223,7 +223,7 @@ class FollowerObserver(ModeObserver):
         return centre, self.inner.whole(told, half), np.full(runs, told.origins - 1)
 
     def started(self, t: FollowerTables, lo: Array, hi: Array) -> tuple[Array, Array, Array]:
-        """Estimate, set and origin from bounds of x (S, n_x), cut to the declared range; of that if they are as wide."""
+        """Estimate, set and origin from bounds of x (S, n_x), cut to the declared range; its own if as wide."""
         lo, hi = (np.where(b < t.x_lo, t.x_lo, np.where(b > t.x_hi, t.x_hi, b)) for b in (lo, hi))
         two = t.dtype.type(0.5)
         x = two * lo + two * hi

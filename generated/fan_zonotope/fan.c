@@ -143,7 +143,7 @@ static void fan_told_forward(const fan_told_state *s, const fan_told_in *in, fan
         { 0.2F }, /* left */
         { -0.2F }, /* right */
     };
-    const fan_told_real *const k = table[(s->mode < FAN_TOLD_MODES) ? s->mode : 0U];
+    const fan_told_real *const k = table[s->mode];
 
     (void)(in);
     /* x[0] angle */
@@ -165,7 +165,7 @@ static void fan_told_blind(const fan_told_state *s, fan_told_out *out)
         { 0.2F }, /* left */
         { -0.2F }, /* right */
     };
-    const fan_told_real *const k = table[(s->mode < FAN_TOLD_MODES) ? s->mode : 0U];
+    const fan_told_real *const k = table[s->mode];
 
     /* x[0] angle */
     const fan_told_real common_0 = (k[0] * s->u[0]);
@@ -366,7 +366,7 @@ static void fan_told_set_forward(fan_told_state *s)
             { 0.0025F, 0.005F, -0.0129191885F, -0.0043374165F }
         },
     };
-    const uint32_t p = (s->mode < FAN_TOLD_MODES) ? s->mode : 0U;
+    const uint32_t p = s->mode;
     const uint32_t o = 0U;
 
     fan_told_carry(s->shape, M[p], basis[p], back[p], rounding[p], added[p][o]);
@@ -419,7 +419,7 @@ static void fan_told_set_blind(fan_told_state *s)
             { 0.0025F, 0.005F, 0.0F, 0.0F }
         },
     };
-    const uint32_t p = (s->mode < FAN_TOLD_MODES) ? s->mode : 0U;
+    const uint32_t p = s->mode;
     const uint32_t o = 0U;
 
     fan_told_carry(s->shape, A[p], basis[p], back[p], rounding[p], added[p][o]);
@@ -1258,7 +1258,7 @@ static void fan_carry(fan_state *s, const fan_in *in)
  */
 static void fan_lend(const fan_state *s, fan_told_state *held)
 {
-    held->mode = (s->followed < FAN_MODES) ? s->followed : 0U;
+    held->mode = s->followed;
     for (uint32_t i = 0U; i < FAN_NX; i++)
     {
         held->x_hat[i] = s->told_x_hat[i];
