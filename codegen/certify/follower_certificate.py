@@ -48,8 +48,9 @@ def check(plant, t, cert: dict) -> list[str]:
             "the observer runs in the mode that is decided for, and its error is in its set for as long as that is the "
             "true one: it starts from the bounds over all hypotheses of that mode, and starts again where one of them "
             "began within the last period; what rounded constants, inputs and sums may lose is in the set",
-            "a mode whose observer has its residual outside the set is not in mode_set; no switching makes the bounds "
-            "grow without end: they are cut to the boxes of the mode estimator at every sample",
+            "a mode whose observer has its residual outside the set is ruled out, but for having begun within the last "
+            "period; no switching makes the bounds grow without end: they are cut to the boxes of the mode estimator at "
+            "every sample",
             *others]
 
 

@@ -14,7 +14,7 @@ import codegen
 from codegen.analysis import mode_promise
 from codegen.analysis.validate import judge
 from codegen.certify import follower_certificate
-from codegen.designs import claims_of, read_checked, read_design
+from codegen.designs import claims_of, read_design
 from codegen.errors import CertificateError, DesignError
 from codegen.observers import FollowerObserver, FollowerTables, ModeObserver, Supervision, follower
 from codegen.plant.load import load, loads
@@ -157,8 +157,8 @@ def test_the_gallery_plant_the_whole_way(tmp_path):
     made = committed()
     p, cert = made.plant, made.certificate["float32"]
     assert made.observer.family == "follower" and cert["told"]["set"] == "zonotope"
-    again = read_checked(made.save(tmp_path / "design.json"))
-    assert again.digest == made.digest
+    assert read_design(made.save(tmp_path / "design.json")).digest == made.digest
+    assert claims_of(p, made.observer.tables["float32"], cert) == made.claims("float32")
     run = codegen.simulate(p, "turned round")
     trace = made.observer.run(run.u, run.y)
     outcome = judge(p, p.scenarios[0], run, trace, [])
