@@ -169,7 +169,17 @@ def sizes(lo: Array, hi: Array) -> Array:
     return np.array([max(abs(Q(a)), abs(Q(b))) for a, b in zip(lo, hi)], dtype=object).reshape(len(lo))
 
 
-def rounding(t, known=()) -> Rounding:
+def off_one(t) -> fmpq:
+    """How far the sum of the weights is from 1: what the C accepts, and the rounding of the sum that it looked at.
+
+    Parameters
+    ----------
+    t : PolytopicTables
+    """
+    return (8 * len(t.F) + 4) * 2 * UNIT[t.real]
+
+
+def rounding(t, known=(), x_hat: list[tuple[fmpq, fmpq]] | None = None) -> Rounding:
     """Bound what the C of tables rounds, in its order of evaluation.
 
     Parameters
@@ -177,20 +187,20 @@ def rounding(t, known=()) -> Rounding:
     t : PolytopicTables
     known : sequence of fmpq
         Largest magnitudes of the known terms.
+    x_hat : list of (fmpq, fmpq), optional
+        Rounding and magnitude of its entries, where it is not z + T2 y.
     """
     real, z, y, u = t.real, sizes(t.z_lo, t.z_hi), sizes(t.y_lo, t.y_hi), sizes(t.u_lo, t.u_hi)
 
     def row(coefficients, operands, first=()):
         return sum_error([*first, *((Q(c), b) for c, b in zip(coefficients, operands))], real)
 
-    x_hat = [row(t.T2[i], y, [(fmpq(1), z[i])]) for i in range(len(z))]
+    x_hat = x_hat or [row(t.T2[i], y, [(fmpq(1), z[i])]) for i in range(len(z))]
     most = [m for _, m in x_hat]
     r = [row(t.C[i], most, [(fmpq(1), y[i])]) for i in range(len(y))]
     weighted = [row(M, [m for _, m in r]) for M in t.M] if t.weighted else [(fmpq(0), m) for _, m in r]
     operands = [*most, *u, *(m for _, m in r), *known]
-    # |sum h - 1|: what the C accepts, and the rounding of the sum that it looked at.
-    off = (8 * len(t.F) + 4) * 2 * UNIT[real]
-    after = []
+    off, after = off_one(t), []
     for i in range(len(z)):
         own = [row(np.where(t.shared[i], 0, M[i]), operands) for M in t.gains]
         terms = [(Q(c), b) for c, b in zip(np.where(t.shared[i], t.gains[0, i], 0), operands)]

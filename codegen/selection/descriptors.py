@@ -18,7 +18,7 @@ from ..certify.exact import Q
 from ..certify.polytope_gain import check, errors_of
 from ..errors import CertificateError, DesignError
 from ..synthesis import descriptor_direct, descriptor_discrete, descriptor_error, descriptor_uncertain
-from ..synthesis.descriptor_analysis import continuous_level, discrete_level
+from ..synthesis.descriptor_analysis import continuous_level, discrete_level, tied_contraction
 from ..synthesis.descriptor_gains import DirectGains, StandardGains, direct_gains, euler_gains, standard_gains
 from ..synthesis.descriptor_lmi import Bounds, DescriptorDesign
 from ..synthesis.descriptor_problem import (
@@ -98,7 +98,9 @@ def certified(problem: DescriptorProblem, gains, start: dict, s: Scaling) -> tup
         if found is None:
             continue
         proof = start | found | {"level2": max(found["level2"], 0.0) * (1 + 1e-9)}
-        if start["time"] == "discrete":
+        if model.ties:
+            proof |= tied_contraction(model, np.array(found["P1"]), s, margin) or {"Rc": []}
+        elif start["time"] == "discrete":
             proof["contraction"] = shrinking(model, np.array(found["P1"]))
         gamma = sqrt(proof["level2"])
         while Q(gamma) * Q(gamma) < Q(proof["level2"]):
