@@ -45,6 +45,12 @@ class DescriptorTables(PolytopicTables):
         """Entries of `solved` that are the same at all vertices (a, n + m)."""
         return np.all(self.solved == self.solved[0], axis=0)
 
+    def estimate(self, j: int) -> tuple[Array, Array]:
+        """Factors of z and u in x_hat where all weight is at vertex j, (n, n) and (n, m)."""
+        of_z, of_u = np.eye(len(self.z0)), np.zeros((len(self.z0), self.Q.shape[2]))
+        of_z[list(self.algebraic)], of_u[list(self.algebraic)] = self.P[j], self.Q[j]
+        return of_z, of_u
+
     @property
     def uneven(self) -> bool:
         """Whether the weights of the algebraic equations are others than those of the vertices."""

@@ -33,7 +33,7 @@ PATHS = {"calls": 100_000, "one_step": 100, "one_predict": 100, "refused": 100, 
          "{}_check": 200, "{}_y_accepted": 500}
 
 #: Families without a harness.
-UNPROVED = ("polytopic", "bank", "sliding", "driven")
+UNPROVED = ("polytopic", "bank", "sliding", "driven", "descriptor")
 ASSERTS = ("state_is_in_box", "answer_is_whole", "nothing_is_written", "refused")  # functions of the harness
 
 
