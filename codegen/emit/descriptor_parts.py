@@ -66,7 +66,7 @@ def parts(t: DescriptorTables, s, names: Names, signals: tuple) -> Parts:
     counts = [count_operations(terms) for terms in sums]
     multiply, add = (sum(c[k] for c in counts) for k in (0, 1))
     o, h = base.operations, len(t.pivot)
-    uneven = (np.count_nonzero(t.pivot != 1), h - 1, h) if t.uneven else (0, 0, 0)
+    uneven = (int(np.count_nonzero(t.pivot != 1)), h - 1, h) if t.uneven else (0, 0, 0)
     own_operations = Operations(o.multiply + multiply + uneven[0], o.add + add + uneven[1], o.compare,
                                 o.divide + uneven[2])
     return replace(base, header="descriptor.h.jinja", sets=(own,), operations=own_operations)
@@ -84,7 +84,7 @@ def solve(t: DescriptorTables) -> tuple[tuple[str, ...], list, bool]:
     g, lines, sums, blended = "g" if t.uneven else "h", [], [], False
     if t.uneven:
         h = range(len(t.pivot))
-        lines += [f"g[{j}] = {' * '.join([f'h[{j}]'] + [literal(float(d), real)] * (d != 1))};"
+        lines += [f"g[{j}] = {' * '.join([f'h[{j}]', *([literal(float(d), real)] if d != 1 else [])])};"
                   for j, d in zip(h, t.pivot)]
         lines.append("pivot = " + " + ".join(f"g[{j}]" for j in h) + ";")
         lines += [f"g[{j}] = g[{j}] / pivot;" for j in h]
