@@ -5,8 +5,8 @@ With e_m = x_m - z_m of ``descriptor_error``, the observer's weights h at vertex
     x_a - x_hat_a = P_k e_m + m,    |m| <= largest over i of |(P_i - P_k) x_m + (Q_i - Q_k) u + D_i d|,
     e_m+ = N_j (e_m; P_k e_m + m) + (what x, u, d do) + rounding,
 
-N_j of ``descriptor_error.step``; one recursion for each pair (j, k), because g is made of the h by division. What the
-plant's own weights leave is bounded entry by entry: those of the algebraic equations are the ones at the sample, those
+N_j of ``descriptor_error.step``; one recursion for each pair (j, k), because g is made of the h by division; vertices k
+with the same P and Q are one (`kinds`). What the plant's own weights leave is bounded entry by entry: those of the algebraic equations are the ones at the sample, those
 of the rest their means over the period, so that no vertex is common to both. The noise alone is followed as itself.
 
 Drift between samples and rounding: as in ``polytope_bounds``.
@@ -43,6 +43,16 @@ def algebraic_rounding(t) -> list[tuple[fmpq, fmpq]]:
         error, most = sum_error([*terms, *((1 + off, m) for _, m in own)], real)
         out[k] = error + (1 + off) * max(e for e, _ in own) + off * max(m for _, m in own), most
     return out
+
+
+def kinds(t) -> list[int]:
+    """The first vertex of each that have one solution of the algebraic equations.
+
+    Parameters
+    ----------
+    t : DescriptorTables
+    """
+    return sorted({M.tobytes(): k for k, M in reversed(list(enumerate(t.solved)))}.values())
 
 
 def mismatch(problem, t, known: Solved, box: Ranges) -> list[Array]:
@@ -106,7 +116,7 @@ def model(plant, problem, t, period: float | None) -> tuple[tuple[JointMode, ...
         steps.append(each[0].e)
     out = []
     for j in h:
-        for k in h:
+        for k in kinds(t):
             through = zeros(n, r)
             through[at, np.arange(r)] = fmpq(1)
             through[a] = rational(t.P[k])[:, at]

@@ -34,7 +34,7 @@ class Solved:
 
     Parameters
     ----------
-    moving, algebraic : ndarray of int
+    moving : ndarray (r,) int, algebraic : ndarray (a,) int
     T1 : object array (r, n)
         T1 E x = x_m.
     pivot : tuple of fmpq

@@ -188,6 +188,9 @@ def designed(problem: DescriptorProblem, method: str, bounds: Bounds, s: Scaling
     if problem.kind not in ("", needed):
         raise DesignError(f"{method}: the plant is {problem.kind} (found), expected {needed}. Take "
                           f"{'descriptor-discrete' if problem.kind == 'discrete' else 'another method'}.")
+    if method == "descriptor-direct" and bounds.period is not None:
+        raise DesignError("descriptor-direct: a period is asked for (found one), whose Euler steps have no proof in "
+                          "continuous time. The method of that name certifies them (residua design).")
     asked = replace(bounds, decay=(1 + SPARE) * bounds.decay / s.time,
                     period=None if bounds.period is None else (1 + SPARE) * bounds.period * s.time)
     return DESIGNS[method].design(scaled(problem, s), asked, **options)
