@@ -6,8 +6,10 @@ With e_m = x_m - z_m of ``descriptor_error``, the observer's weights h at vertex
     e_m+ = N_j (e_m; P_k e_m + m) + (what x, u, d do) + rounding,
 
 N_j of ``descriptor_error.step``; one recursion for each pair (j, k), because g is made of the h by division; vertices k
-with the same P and Q are one (`kinds`). What the plant's own weights leave is bounded entry by entry: those of the algebraic equations are the ones at the sample, those
-of the rest their means over the period, so that no vertex is common to both. The noise alone is followed as itself.
+with the same P and Q are one (`kinds`). The division has its room: the held d_j are above 0, the h_j at least 0 with a
+sum near 1. What the plant's own weights leave is bounded entry by entry: those of the algebraic equations are the ones
+at the sample, those of the rest their means over the period, so that no vertex is common to both. The noise alone is
+followed as itself.
 
 Drift between samples and rounding: as in ``polytope_bounds``.
 """
@@ -17,6 +19,7 @@ from __future__ import annotations
 import numpy as np
 from flint import fmpq
 
+from ..errors import CertificateError
 from .descriptor_error import Solved, solved, step
 from .exact import Q, eye, product, rational, zeros
 from .filter_model import JointMode
@@ -91,12 +94,20 @@ def model(plant, problem, t, period: float | None) -> tuple[tuple[JointMode, ...
     model : tuple of JointMode
         What it estimates is M r.
     T1E : object array (r, n)
+
+    Raises
+    ------
+    CertificateError
+        A pivot is not positive, or the algebraic equations have no solution of this kind.
     """
+    if not (off_one(t) < 1 and all(d > 0 for d in t.pivot)):
+        raise CertificateError(f"certificate: the least pivot of the algebraic equations is {float(min(t.pivot)):.3g} "
+                               "(found), expected more than 0: the C divides by a mean of them.")
     known, box = solved(problem), Ranges.of(plant, problem)
     slip: Rounding = rounding(t, x_hat=algebraic_rounding(t))
     (r, n), at, a, h = known.T1.shape, known.moving, known.algebraic, range(len(t.F))
     C, M, K = rational(t.C), rational(t.M), rational(t.K)[:, at]
-    wrong, unit = mismatch(problem, t, known, box), rational(problem.u_unit)
+    wrong = mismatch(problem, t, known, box)
     seen = product(M, C)
     noise = product(M, rational(problem.Dd) * rational(problem.d_unit))
     lost = [product(M, rational(problem.C) - C), np.concatenate([M * slip.y, M * slip.r, eye(len(M)) * slip.weighted],

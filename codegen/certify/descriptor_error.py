@@ -1,17 +1,17 @@
 r"""Exact error of an observer that solves the algebraic equations itself, from the constants that the firmware holds.
 
-The states without a derivative are algebraic, x_a; the others x_m. S' E = 0, and S' A_i is d_i V on x_a with one regular
-V and d_i > 0. The plant's algebraic equations sum_i h_i S' (A_i x + B_i u + Bd_i d) = 0, times the inverse of V, are
+The states without a derivative are algebraic, x_a; the others x_m. S' E = 0, and S' A_i is d_i V on x_a with one
+regular V and d_i > 0. The plant's algebraic equations sum_i h_i S' (A_i x + B_i u + Bd_i d) = 0, times V inverse:
 
     sum_i h_i d_i (x_a - P_i x_m - Q_i u - D_i d) = 0,      so      x_a = sum_i g_i (P_i x_m + Q_i u + D_i d)
 
 with weights g_i = h_i d_i / sum h d; the C solves the same with held d_j, P_j, Q_j and its own weights, without D. With
 T1 E x = x_m and e = (e_m, e_a), e_m = x_m - z_m, e_a the rest of x - x_hat, plant at i and observer at j,
 
-    e_m+ = T1 ((E + T A_i) x + T B_i u + T Bd_i d) - F_j x_hat - G_j u + K_j r,     r = y - C_j x_hat,  x_hat = x - e,
+    e_m+ = T1 ((E + T A_i) x + T B_i u + T Bd_i d) - F_j x_hat - G_j u + K_j r,   r = y - C_j x_hat,   x_hat = x - e,
     d_j (x_a - e_a - P_j (x_m - e_m) - Q_j u) - d_i (x_a - P_i x_m - Q_i u - D_i d) = 0.
 
-T is the period of a continuous plant by Euler steps; A_i, B_i, Bd_i stand for E + T A_i, .. where the plant is discrete.
+T is the period of a continuous plant by Euler steps; of a discrete plant A_i, T B_i, .. are its own A_i, B_i, ..
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def multiples(blocks: list[Array]) -> tuple[tuple[fmpq, ...], Array]:
     at = max(np.ndindex(blocks[0].shape), key=lambda k: abs(blocks[0][k]))
     V = max(blocks, key=lambda M: abs(M[at]))
     factors = tuple(M[at] / V[at] if V[at] != 0 else fmpq(0) for M in blocks)
-    if any(d <= 0 or np.any(M != d * V) for d, M in zip(factors, blocks)):
+    if any(d <= 0 or np.any(d * V != M) for d, M in zip(factors, blocks)):
         raise CertificateError("certificate: on the algebraic states the algebraic equations of the vertices are no "
                                "positive multiples of one matrix (found), expected that: their mean is solved by it.")
     return factors, V

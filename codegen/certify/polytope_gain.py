@@ -9,9 +9,10 @@ Discrete time: P1 > 0, P2 = Y2 > 0, V = e' P1 e + x' E' P2 E x, and for every pa
 
     V+ - V + |z|^2 - g |(u, d)|^2 + 2 c' R S' (A_i x + B_i u + Bd_i d) < 0,    c = [e; x; u; d],
 
-with any R: what it multiplies is zero. Where the observer solves its own algebraic equations V = e' Ee' P1 Ee e + ..,
-and 2 c' Re (rows that are zero, ``descriptor_error``) stands beside the term of R. Each is a negative definite matrix of rational numbers. Then, from e = 0 and
-x = 0, the energy of z is at most g times that of (u, d), however the weights move, in continuous or discrete time.
+with any R: what it multiplies is zero. Where the observer solves its own algebraic equations it is e' Ee' P1 Ee e, and
+2 c' Re (rows that are zero, ``descriptor_error``) stands beside the term of R. Each is a negative definite matrix of
+rational numbers. Then, from e = 0 and x = 0, the energy of z is at most g times that of (u, d), however the weights
+move, in continuous or discrete time.
 
 Decay, of the error alone (x, u, d zero): P' N_j + N_j' P + 2 decay Ee' Y Ee < 0, or N_j' P1 N_j < contraction^2 P1.
 ``euler``: (I + period N_j)' P1 (I + period N_j) < P1.
@@ -27,8 +28,8 @@ import numpy as np
 from flint import fmpq
 
 from ..errors import CertificateError
-from .exact import Q, eye, leading_failure, product, rational, zeros
 from .descriptor_error import descriptor_errors
+from .exact import Q, eye, leading_failure, product, rational, zeros
 from .polytope_error import ErrorModel, direct_errors, standard_errors
 
 Array = np.ndarray
@@ -42,8 +43,8 @@ def errors_of(problem, gains, proof: dict) -> ErrorModel:
     problem : DescriptorProblem
     gains : StandardGains or DirectGains
     proof : dict
-        "form" ("standard", "direct" or "descriptor"), "T1" of the standard form, "period" of a sampled continuous plant or None, "M"
-        where z is M r.
+        "form" ("standard", "direct" or "descriptor"), "T1" of the standard form, "period" of a sampled continuous
+        plant or None, "M" where z is M r.
     """
     if proof["form"] == "direct":
         return direct_errors(problem, gains)

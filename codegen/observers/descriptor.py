@@ -7,13 +7,13 @@ At sample k, from the observer's state z::
     3  alarm where |M r| > threshold[since >> shift]         no fault: it cannot exceed it
     4  z+ = sum_j h_j (F_j x_hat + G_j u - K_j r), cut to its limits; its algebraic part is that of x_hat
 
-So no output has to see the algebraic states: they follow from the others and from the inputs, at every sample anew.
+So no output has to see the algebraic states: they follow from the others and from the inputs, at every sample.
 What z holds of them only chooses the weights of the next sample, and a start value that contradicts the equations does
 no harm. Where all vertices have the same pivot g is h, and nothing is divided.
 
 Rows 1 and 2 solve sum_j h_j S' (A_j x_hat + B_j u) = 0 exactly, where S' A_j is d_j times one matrix on the algebraic
-states: P_j and Q_j are the solution at vertex j, and with g in place of h so is their mean. d_j > 0 is checked, thus the
-sum of h_i d_i is at least the least of them.
+states: P_j and Q_j are the solution at vertex j, and with g in place of h so is their mean. The
+certificate checks d_j > 0, thus the sum of h_i d_i is at least the least of them.
 
 All else is as in ``polytopic``.
 """

@@ -63,8 +63,8 @@ def solved_facts(design, real: str) -> tuple[Fact, ...]:
     named = ", ".join(plant.x[k].name for k in t.algebraic)
     division = (f"one division by a mean of the pivots of the vertices, which is at least "
                 f"{words.number(float(t.pivot.min()), 3)}" if t.uneven else "no division: all vertices have one pivot")
-    return (Fact("Algebraic states", f"{named}: solved at every sample from the other states and the inputs, whether or "
-                 f"not an output sees them, by what was made offline and {division}"),)
+    return (Fact("Algebraic states", f"{named}: solved at every sample from the other states and the inputs, "
+                 f"whether or not an output sees them, by what was made offline and {division}"),)
 
 
 def law_facts(design, real: str) -> tuple[Fact, ...]:

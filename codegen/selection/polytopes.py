@@ -13,7 +13,8 @@ from ..synthesis import METHODS
 from . import descriptor_designs, fault_estimators, polytopic_designs, tracking_designs
 
 #: What proposes and certifies, for methods that have their own.
-MAKERS = {"descriptor-direct": descriptor_designs, "descriptor-fault-estimation": fault_estimators, "tracking": tracking_designs}
+MAKERS = {"descriptor-direct": descriptor_designs, "descriptor-fault-estimation": fault_estimators,
+          "tracking": tracking_designs}
 #: Delay of a sure alarm that is looked at, where the plant file says nothing.
 WITHIN = 3
 

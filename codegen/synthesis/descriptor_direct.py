@@ -4,7 +4,8 @@ Plant: E x' = sum_i h_i(x) (A_i x + B_i u + Bd_i d), y = C x + Dd d, admissible.
 
     E x_hat' = sum_j h_j(x_hat) [A_j x_hat + B_j u + L_j (y - C x_hat)]
 
-solves its algebraic rows at every instant: no output has to see the algebraic states, rank [E; C] may be less than n. With e = x_hat - x
+solves its algebraic rows at every instant: no output has to see the algebraic states, rank [E; C] may be less than n.
+With e = x_hat - x
 
     E e' = sum_ij h_i h_j { (A_j - L_j C) e + (A_j - A_i) x + (B_j - B_i) u + (L_j Dd - Bd_i) d },
 
@@ -13,17 +14,17 @@ for every weight. By default no algebraic row is injected (S' L_j = 0 where E' S
 into the algebraic estimate.
 
 A firmware takes Euler steps of it and solves the algebraic rows at every sample (family ``descriptor``). That is done
-offline where they are d_j V on the algebraic states, one regular V and d_j > 0 for each vertex (`solved`): one algebraic
-equation, or coefficients that no weight moves. Euler steps of length T contract for weights that move where, with one
-R, for every vertex
+offline where they are d_j V on the algebraic states, one regular V and d_j > 0 for each vertex (`solved`): one
+algebraic equation, or coefficients that no weight moves. Euler steps of length T contract for weights that move where,
+with one R, for every vertex
 
     [ E' Y E - He(R S' A_j)   W_j' ]
     [ W_j                      Pi  ] > 0,     Pi = E1' Y E1,  W_j = Pi T1 (E + T A_j) - T (P' L_j)_1 C:
 
 E1 are the columns of E that are not zero, T1 E1 = I, and S' A_j e is zero but for what drives the error.
 
-Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, Theorem 3.2.1 and Corollary 3.2.1. Differences
-from the print:
+Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, Theorem 3.2.1 and Corollary 3.2.1.
+Differences from the print:
 
 * A_i - A_j is exactly polytopic; the thesis bounds it in norm, for a level that is eighteen times as large on the
   thesis' example at equal gains.

@@ -214,9 +214,9 @@ def inapplicable(plant, continuous: bool = True, seen: bool = True) -> str | Non
             if not (np.isfinite(s.lo) and np.isfinite(s.hi)):
                 return f'signals.{vector} "{s.name}" has no range, expected one: thresholds rest on it. Add one.'
     if seen and not visible(problem_of(plant)):
+        other = ', or use method "descriptor-direct"' if plant.kind == "continuous" else ""
         return ("rank [E; C] is less than the number of states: no T1, T2 with T1 E + T2 C = I exist, an algebraic "
-                "state is not seen by the outputs. Measure it" + (', or use method "descriptor-direct".' if continuous else
-                                                             "."))
+                f"state is not seen by the outputs. Measure it{other}.")
     return None
 
 

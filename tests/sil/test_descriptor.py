@@ -1,4 +1,4 @@
-"""Observers that solve the algebraic equations themselves: the C equals the reference, and what it says of the plant."""
+"""Observers that solve the algebraic equations themselves: the C equals the reference; what it says of the plant."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def committed():
 def samples(name: str, t, count: int = 60):
     """Plant at random weights, observer at its own: x, u, d, z, weights of both and what the observer answers."""
     p, (problem, _) = plant(name), held(name)
-    rng, (h, n, n_y, m, q) = np.random.default_rng(3), problem.sizes
+    rng, (h, n, *_) = np.random.default_rng(3), problem.sizes
     a, S = list(t.algebraic), problem.S
     box = [np.array(p.limits(v)) for v in "xuwv"]
     for _ in range(count):
@@ -95,7 +95,7 @@ def test_the_error_model_is_what_plant_and_observer_do(name):
 
     def worst(t, model):
         found = [0.0]
-        for (x, u, d, z), (own, h), (x_hat, _, after), later in samples(name, t):
+        for (x, u, d, _), (own, h), (x_hat, _, after), later in samples(name, t):
             c = np.concatenate([x - x_hat, x, u / problem.u_unit, d / problem.d_unit])
             weights = {(i, j): own[i] * h[j] for i, j in model.pairs}
             step = sum(v * np.hstack([np.array(M, float) for M in model.pairs[k]]) for k, v in weights.items())
@@ -157,6 +157,15 @@ def test_tampering_is_refused(key):
         cert = spoilt(cert, key, PROOFS[key])
     with pytest.raises(CertificateError):
         check(design.plant, t, cert)
+
+
+def test_a_pivot_that_is_not_positive_is_refused():
+    """Whatever the level says: the C divides by a mean of them."""
+    problem, t = held("dlpv")
+    for least in (0.0, -0.1, np.nan):
+        wrong = replace(t, pivot=np.array([1.0, 0.8, least]))
+        with pytest.raises(CertificateError, match="the least pivot"):
+            descriptor_bounds.model(plant("dlpv"), problem, wrong, 0.01)
 
 
 def test_the_committed_design_is_certified():
