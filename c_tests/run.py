@@ -53,7 +53,7 @@ def case(record: dict) -> str:
     flags = {"nu": record["n_u"], "ntheta": record["n_theta"], "latch": supervision["latch"],
              "assures": supervision.get("assures", True),
              "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members,
-             "polytopic": record["family"] == "polytopic", "holds_faults": "faults" in record,
+             "polytopic": record["family"] in ("polytopic", "descriptor"), "holds_faults": "faults" in record,
              "boxes": "alive" in members, "sliding": "level" in members,
              "has_frames": "frame_lo" in members, "follows": "followed" in members,
              "has_origin": "origin" in members, "has_shape": "shape" in members,

@@ -49,8 +49,8 @@ def check(plant, t, cert: dict) -> list[str]:
             "true one: it starts from the bounds over all hypotheses of that mode, and starts again where one of them "
             "began within the last period; what rounded constants, inputs and sums may lose is in the set",
             "a mode whose observer has its residual outside the set is ruled out, but for having begun within the last "
-            "period; no switching makes the bounds grow without end: they are cut to the boxes of the mode estimator at "
-            "every sample",
+            "period; no switching makes the bounds grow without end: they are cut to the boxes of the mode estimator "
+            "at every sample",
             *others]
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import EmitError
 from ..observers import (
     BankTables,
+    DescriptorTables,
     DrivenTables,
     FilterTables,
     FollowerTables,
@@ -23,6 +24,7 @@ from ..observers import (
 )
 from . import (
     bank_parts,
+    descriptor_parts,
     driven_parts,
     families,
     filter_parts,
@@ -228,6 +230,8 @@ def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
         return filter_parts.parts(t, s, names, signals, layout, faults)
     if isinstance(t, BankTables):
         return bank_parts.parts(t, s, names, signals, tuple(f.name for f in design.plant.f))
+    if isinstance(t, DescriptorTables):
+        return descriptor_parts.parts(t, s, names, signals)
     if isinstance(t, PolytopicTables):
         return polytopic_parts.parts(t, s, names, signals)
     make = (driven_parts.parts if isinstance(t, DrivenTables) else

@@ -141,7 +141,7 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
         return make(plant, method, options, progress)
     if method and METHODS[method].family == "bank":
         return banks.designed(plant, method, options, progress)
-    if method and METHODS[method].family == "polytopic":
+    if method and METHODS[method].family in ("polytopic", "descriptor"):
         return polytopes.designed(plant, method, options, progress)
     trials, reasons = [], []
     for name in methods:
