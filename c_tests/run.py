@@ -55,7 +55,7 @@ def case(record: dict) -> str:
              "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members,
              "polytopic": record["family"] == "polytopic", "holds_faults": "faults" in record,
              "boxes": "alive" in members, "sliding": "level" in members,
-             "has_frames": "frame_lo" in members,
+             "has_frames": "frame_lo" in members, "follows": "followed" in members,
              "has_origin": "origin" in members, "has_shape": "shape" in members,
              "bank": record["family"] == "bank",
              "square_shape": record["family"].startswith("ellipsoid"), "signed_shape": record["family"] != "box",
