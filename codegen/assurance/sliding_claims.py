@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 from ..certify import sliding_claims
 from ..certify.exact import Q
-from ..synthesis.mode_sliding import TARGET
+from ..selection.sliding import TARGET
 from . import margins
 from .margins import Margin, _pivots, tightest
 
