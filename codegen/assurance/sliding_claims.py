@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 
 from ..certify import sliding_claims
 from ..certify.exact import Q
-from ..selection.sliding import TARGET
 from . import margins
 from .margins import Margin, _pivots, tightest
 
@@ -18,6 +17,8 @@ SEEN = ("output", PAIRS)
 PLANT = ("time.kind", "time.sample_period")
 DWELL = ("switching.minimum_dwell", "switching.average_dwell")
 SOURCE = "own derivation: the scheme of this family (codegen.observers.sliding)"
+#: What every entry of J is to be: the thesis takes ones of a half.
+TARGET = Q(0.5)
 #: Conditions of ``certify.sliding_claims.rooms`` in words.
 WORDS = {"test": "bound of the noise beyond noise, rounded C and rounding", "limit": "limit beyond the range of x",
          "offset": "offset beyond disturbance, noise, rounded constants and rounding",
@@ -100,7 +101,7 @@ def theorem(plant, cert: dict) -> list[Margin]:
             tightest("entry of A - L C + limit I", metzler),
             *(tightest(f"smallest pivot of the matrix inequality of {name}", found, strict=True)
               for name, found in pivots.items()),
-            Margin("entries of J as the method has them", -abs(Q(cert["target"]) - Q(TARGET)))]
+            Margin("entries of J as the method has them", -abs(Q(cert["target"]) - TARGET))]
 
 
 def ranges(design, t, cert: dict, build: type, checks: tuple):
