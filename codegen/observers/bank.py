@@ -203,7 +203,7 @@ def within(values: list[Array], limit: Array) -> Array:
     ----------
     values : list of ndarray (S, k)
         One per member.
-    limit : ndarray (sum of k,)
+    limit : ndarray (K,)
         One member after the other.
     """
     whole = np.concatenate(values, axis=1)

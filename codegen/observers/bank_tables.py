@@ -1,4 +1,4 @@
-"""Tables of a bank of observers: what every member is, and what they share. See ``bank`` for the recursion."""
+"""Numbers of family "bank": members, each an observer of some outputs, thresholds, limits, times."""
 
 from __future__ import annotations
 
