@@ -12,10 +12,10 @@ from itertools import product as pairs_of
 import numpy as np
 
 from ..errors import CertificateError
-from . import filter_bounds, polytope_bounds
+from . import filter_bounds, polytope_bounds, polytope_near
 from .exact import Q, rational
 from .filter_bounds import Graph
-from .polytope_bounds import middle
+from .polytope_ranges import middle
 
 Array = np.ndarray
 
@@ -65,7 +65,8 @@ def check(plant, problem, t, cert: dict, T1: Array, period: float | None) -> Non
     problem : DescriptorProblem
     t : PolytopicTables
     cert : dict
-        See ``filter_bounds.maps``; "bounds" (1, m).
+        See ``filter_bounds.maps``; "bounds" (1, m); "near", see ``polytope_near.maps``: without it the weights of plant
+        and observer are any.
     T1 : ndarray (n, n) or (h, n, n)
     period : float or None
 
@@ -74,9 +75,11 @@ def check(plant, problem, t, cert: dict, T1: Array, period: float | None) -> Non
     CertificateError
         Naming the row that fails.
     """
-    model, T1E = polytope_bounds.model(plant, every_pair(problem), t, T1, period)
+    every = every_pair(problem)
+    parts = polytope_bounds.Parts.of(plant, every, t, T1, period)
+    model, T1E = polytope_bounds.model(plant, every, t, T1, period, parts)
     graph, rows, b = graph_of(model), np.array(cert["rows"], dtype=float), np.array(cert["bounds"], dtype=float)
-    found = filter_bounds.maps(model, cert, 0)
+    found = _maps(plant, every, t, parts, model, cert)
     if b.shape != (1, len(rows)) or not np.all(b >= 0):
         raise CertificateError(f"certificate: bounds of shape {b.shape} (found), expected one row of {len(rows)} that "
                                "are not negative.")
@@ -93,11 +96,38 @@ def check(plant, problem, t, cert: dict, T1: Array, period: float | None) -> Non
     first, whole = (filter_bounds.raised(abs(rational(rows)) @ half)[None] for half in starts(plant, t, T1E))
     if t.start == t.last and np.any(first > b):
         raise CertificateError("certificate: the initial box is not within the last bounds.")
-    proved = filter_bounds.table(found, graph, b, whole, t.last << t.shift)
     for k in range(t.last << t.shift):
-        needed = proved[k] if k < len(proved) else found.estimate(graph, b)
-        _holds(needed, t.h[k >> t.shift], f"{k} samples after a start")
+        _holds(found.estimate(graph, whole), t.h[k >> t.shift], f"{k} samples after a start")
+        whole = found.after(graph, whole)
+    if np.any(whole > b):
+        raise CertificateError(f"certificate: after {t.last << t.shift} samples bounds of the error still exceed the "
+                               "last.")
     _holds(found.estimate(graph, b), t.h[t.last], "in the end")
+
+
+def weights_words(polytope, cert: dict) -> str:
+    """What the thresholds take the weights of plant and observer to be.
+
+    Parameters
+    ----------
+    polytope : Polytope
+    cert : dict
+    """
+    if "near" not in cert:
+        return "whatever the weights of plant and observer do"
+    function = ", exp of the target's library being right to a part in 16384" if polytope.softmax else ""
+    return f"with the weights that the model has at the state, and the C at its estimate{function}"
+
+
+def _maps(plant, problem, t, parts, model, cert: dict):
+    """Bounds a sample later: of every pair, or with weights that are near each other where the certificate says so."""
+    if "near" not in cert:
+        return filter_bounds.maps(model, cert, 0)
+    found = polytope_near.near(plant, problem, t, parts, model)
+    if found is None:
+        raise CertificateError("certificate: the weights have no slopes here (found), expected some: the thresholds "
+                               "rest on them.")
+    return polytope_near.maps(model, found, cert)
 
 
 def _holds(needed: Array, given: Array, when: str) -> None:

@@ -204,7 +204,7 @@ def certified(plant: Plant, proposal: Proposal, options: dict, real: str) -> tup
     gamma, proof, _ = certified_energy(proposal.problem, gains, start, proposal.s)
     rows = options.get("set_rows")
     t, held = frozen(plant, proposal.problem, tables_of(plant, gains, M, real), T1, proposal.period,
-                     None if rows is None else int(rows))
+                     None if rows is None else int(rows), options.get("mismatch", "bounded") == "bounded")
     return t, {"kind": "polytopic", "level": gamma, "claimed": proposal.found.gamma, "energy": proof,
                "limit": proposal.limit, "thresholds": held, "steady_box": None}
 
@@ -255,8 +255,8 @@ def sentences(plant: Plant, t: PolytopicTables, cert: dict, energy: list[str]) -
         f"Euler steps of {plant.sample_period:g} s: those of this observer decay below {cert['limit']:.4g} s with "
         "weights that stand still; at this period the recursion itself is certified, for weights that move"]
     return [*energy, *steps,
-            "while no fault acts no |r| exceeds its r_bound at any sample, so there is no false alarm, whatever the "
-            f"weights of plant and observer do, rounding included ({t.real}, with or without fused multiply-add)"
-            + between,
+            "while no fault acts no |r| exceeds its r_bound at any sample, so there is no false alarm, "
+            f"{polytope_thresholds.weights_words(plant.polytope, cert['thresholds'])}, rounding included ({t.real}, "
+            "with or without fused multiply-add)" + between,
             f"once settled r_bound is {last}; it comes down to that within {t.last << t.shift} samples from anywhere "
             "in the declared range of x"]

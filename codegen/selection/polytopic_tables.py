@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..certify import filter_bounds, polytope_bounds, polytope_thresholds
+from ..certify import filter_bounds, polytope_bounds, polytope_near, polytope_thresholds
 from ..certify.exact import Q, down, rational, up
 from ..errors import CertificateError, DesignError, EmitError
 from ..observers import PolytopicTables
@@ -14,6 +14,7 @@ from ..plant.model import Plant
 from ..plant.weight_program import weight_program
 from ..synthesis.descriptor_gains import StandardGains
 from .filter_tables import ABOVE, LENGTH, RAISED, Chooser, above, grouped
+from .polytopic_near import NearChooser, lower
 
 Array = np.ndarray
 #: Rows of the set at most, without ``observer.set_rows``: more where so few keep none. Samples in which thresholds may
@@ -89,7 +90,7 @@ def limited(plant: Plant, t: PolytopicTables, T1E: Array, room: Array) -> Polyto
 
 
 def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float | None,
-           most: int | None = None) -> tuple[PolytopicTables, dict]:
+           most: int | None = None, near: bool = True) -> tuple[PolytopicTables, dict]:
     """Tables with thresholds and their proof, checked.
 
     Parameters
@@ -103,6 +104,8 @@ def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float |
         Of a continuous plant.
     most : int, optional
         Rows of the set.
+    near : bool
+        Whether it may rest on weights that are no further apart than the error allows.
 
     Returns
     -------
@@ -126,7 +129,8 @@ def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float |
     first, rows = np.reshape(T1, (-1, n, n))[0] @ problem.E, None
     for _ in range(2):  # the limits of z tell the rounding, which tells the set, which tells the limits
         t = limited(plant, t, first, 0 * size if rows is None else BEYOND * size)
-        model, T1E = polytope_bounds.model(plant, every, t, T1, period)
+        parts = polytope_bounds.Parts.of(plant, every, t, T1, period)
+        model, T1E = polytope_bounds.model(plant, every, t, T1, period, parts)
         chooser = Chooser(model, polytope_thresholds.graph_of(model), 0)
         low = chooser.reached(np.concatenate(chooser.O))
         for count in ROWS if most is None else (most,):
@@ -137,8 +141,13 @@ def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float |
         else:
             raise DesignError(f"{plant.name}: no set of the error is kept for all weights (found none), so there is no "
                               "threshold. Ask for a faster decay or other gains, or raise observer.set_rows.")
+        start = polytope_thresholds.starts(plant, t, T1E)
+        if near and (found := polytope_near.near(plant, every, t, parts, model)) is not None:
+            own = NearChooser(chooser, model, found)
+            kept, low = lower(chooser.graph, (kept, low), (own.kept(len(rows), own.reached(), rows, start[1]),
+                                                           own.reached()))
         size = kept[2][0, :n]
-    t, cert = _laid_out(plant, t, chooser, *kept, polytope_thresholds.starts(plant, t, T1E))
+    t, cert = _laid_out(plant, t, chooser, *kept, start)
     cert["reached"] = low.reshape(-1, len(t.M)).max(axis=0).tolist()
     polytope_thresholds.check(plant, problem, t, cert, T1, period)
     return t, cert

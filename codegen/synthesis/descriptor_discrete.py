@@ -33,7 +33,7 @@ from .descriptor_uncertain import INVISIBLE
 Array = np.ndarray
 #: Options of ``[observer]``: as those of ``descriptor_uncertain``; the decay of a discrete plant is one per sample.
 OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "channel": ("state", "residual"), "factors": ("free", "least"),
-           "set_rows": (4, 400), "within": (0, 50)}
+           "set_rows": (4, 400), "within": (0, 50), "mismatch": ("bounded", "any")}
 MISMATCH = ("plant", "disturbance")
 
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from helpers.descriptors import made
 
-from codegen.certify import polytope_bounds, polytope_thresholds
+from codegen.certify import polytope_bounds, polytope_drift, polytope_thresholds
 from codegen.certify.exact import Q
+from codegen.certify.polytope_ranges import Ranges
 from codegen.designs import recheck
 from codegen.errors import CertificateError, DesignError
 from codegen.observers.polytopic_step import step
@@ -134,8 +135,8 @@ def test_between_samples_the_plant_moves_by_less_than_what_is_taken(name):
     """The mean distance of simulated runs, the algebraic states too; the trivial bound is the width of the ranges."""
     plant = load(name)
     problem = problem_of(plant)
-    bound = np.array([float(v) for v in polytope_bounds.drift(
-        problem, polytope_bounds.Ranges.of(plant, problem), plant.sample_period)])
+    found = polytope_drift.drift(plant, problem, Ranges.of(plant, problem), plant.sample_period)
+    bound = found.moved.astype(float)
     fine = replace(plant, sample_period=plant.sample_period / 8)
     runs = [simulate(fine, replace(s, steps=160, w="corner", fault=()), seed=4).x.reshape(20, 8, -1)
             for s in plant.scenarios[:1]]
