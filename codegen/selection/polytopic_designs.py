@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..certify import polytope_thresholds
+from ..certify import polytope_thresholds, polytope_waiting
 from ..certify.polytope_gain import check as check_energy
 from ..errors import CertificateError, DesignError
 from ..observers import PolytopicTables
@@ -21,7 +21,7 @@ from ..synthesis.descriptor_gains import StandardGains, euler_gains, rounded, st
 from ..synthesis.descriptor_lmi import Bounds
 from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled, scaling_of, sizes
 from ..synthesis.hminus_hinf import Faults
-from . import fault_estimators
+from . import fault_estimators, polytopic_calibration
 from .descriptors import DESIGNS, SPARE, euler_limit, problem_and_scaling
 from .descriptors import certified as certified_energy
 from .detectors import faults_of
@@ -202,11 +202,24 @@ def certified(plant: Plant, proposal: Proposal, options: dict, real: str) -> tup
     start |= {} if proposal.period is None else {"period": proposal.period}
     start |= {"M": M.tolist()} if proposal.method == "hminus-hinf" else {}
     gamma, proof, _ = certified_energy(proposal.problem, gains, start, proposal.s)
-    rows = options.get("set_rows")
-    t, held = frozen(plant, proposal.problem, tables_of(plant, gains, M, real), T1, proposal.period,
-                     None if rows is None else int(rows), options.get("mismatch", "bounded") == "bounded")
-    return t, {"kind": "polytopic", "level": gamma, "claimed": proposal.found.gamma, "energy": proof,
-               "limit": proposal.limit, "thresholds": held, "steady_box": None}
+    rows, bare = options.get("set_rows"), tables_of(plant, gains, M, real)
+    calibrated = options.get("threshold") == "calibrated"
+    try:
+        t, held = frozen(plant, proposal.problem, bare, T1, proposal.period, None if rows is None else int(rows),
+                         options.get("mismatch", "bounded") == "bounded")
+    except DesignError as error:
+        if not calibrated:
+            raise DesignError(f'{error} Or take thresholds from simulated runs: observer.threshold = "calibrated".'
+                              ) from None
+        t = polytopic_calibration.waiting(plant, proposal.problem, bare, proof)
+        held = {"waits": t.last << t.shift}
+    cert = {"kind": "polytopic", "level": gamma, "claimed": proposal.found.gamma, "energy": proof,
+            "limit": proposal.limit, "thresholds": held, "steady_box": None}
+    if calibrated:
+        t, cert["calibration"] = polytopic_calibration.calibrated(plant, t, held, options)
+        if "waits" in held:
+            polytope_waiting.check(plant, proposal.problem, t, proof)
+    return t, cert
 
 
 def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
@@ -232,12 +245,21 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
                                f"{expected} and {proof['gamma']}. Design again.")
     if not np.array_equal(proof.get("M", t.M), t.M):
         raise CertificateError("certificate: the level is one of another weight of the residual. Design again.")
-    claims = check_energy(problem, t, proof)
-    polytope_thresholds.check(plant, problem, t, cert["thresholds"], np.array(proof["T1"]), expected)
-    return sentences(plant, t, cert, claims)
+    claims, c = check_energy(problem, t, proof), cert.get("calibration")
+    if "waits" in cert["thresholds"]:
+        if c is None or c["guaranteed"] is not None:
+            raise CertificateError("certificate: the thresholds rest on nothing. Design again.")
+        polytope_waiting.check(plant, problem, t, proof)
+    else:
+        guaranteed = t if c is None else polytopic_calibration.whole(t, c)
+        if np.any(t.h[-1] > guaranteed.h[-1]):
+            raise CertificateError("certificate: a calibrated threshold is above the guaranteed one.")
+        polytope_thresholds.check(plant, problem, guaranteed, cert["thresholds"], np.array(proof["T1"]), expected)
+    return sentences(plant, t, cert, claims, None if c is None else polytopic_calibration.check(plant, t, c))
 
 
-def sentences(plant: Plant, t: PolytopicTables, cert: dict, energy: list[str]) -> list[str]:
+def sentences(plant: Plant, t: PolytopicTables, cert: dict, energy: list[str],
+              instead: list[str] | None = None) -> list[str]:
     """What is proved.
 
     Parameters
@@ -247,6 +269,8 @@ def sentences(plant: Plant, t: PolytopicTables, cert: dict, energy: list[str]) -
     cert : dict
     energy : list of str
         Claims of ``polytope_gain``.
+    instead : list of str, optional
+        What is said of thresholds that are calibrated.
     """
     last = ", ".join(f"{s.name}: {float(h):.4g}" for s, h in zip(plant.y, t.h[-1]))
     between = ("; between samples the plant moves as it likes within its ranges, which the thresholds hold"
@@ -254,6 +278,8 @@ def sentences(plant: Plant, t: PolytopicTables, cert: dict, energy: list[str]) -
     steps = [] if cert["limit"] is None else [
         f"Euler steps of {plant.sample_period:g} s: those of this observer decay below {cert['limit']:.4g} s with "
         "weights that stand still; at this period the recursion itself is certified, for weights that move"]
+    if instead is not None:
+        return [*energy, *steps, *instead, f"once settled r_bound is {last}"]
     return [*energy, *steps,
             "while no fault acts no |r| exceeds its r_bound at any sample, so there is no false alarm, "
             f"{polytope_thresholds.weights_words(plant.polytope, cert['thresholds'])}, rounding included ({t.real}, "

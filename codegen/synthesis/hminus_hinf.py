@@ -34,13 +34,13 @@ import numpy as np
 from ..errors import DesignError
 from . import descriptor_problem
 from .descriptor_lmi import MARGIN, Bounds, Storage, assembled, euler, he, minus, negative, solve
-from .descriptor_problem import DescriptorProblem, factors, visible
+from .descriptor_problem import CALIBRATED, DescriptorProblem, factors, visible
 from .descriptor_uncertain import INVISIBLE, hints
 
 Array = np.ndarray
 #: Options of ``[observer]``: as those of ``descriptor_uncertain``, and the faults that are asked for.
 OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "criterion": ("all", "slow"), "factors": ("free", "least"),
-           "set_rows": (4, 400), "within": (0, 50), "mismatch": ("bounded", "any")}
+           "set_rows": (4, 400), "within": (0, 50), "mismatch": ("bounded", "any"), **CALIBRATED}
 CRITERIA = ("all", "slow")
 
 
