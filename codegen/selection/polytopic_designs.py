@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..certify import polytope_thresholds, polytope_waiting
+from ..certify import finite_frequency, polytope_thresholds, polytope_waiting
 from ..certify.polytope_gain import check as check_energy
 from ..errors import CertificateError, DesignError
 from ..observers import PolytopicTables
@@ -24,7 +24,7 @@ from ..synthesis.hminus_hinf import Faults
 from . import fault_estimators, polytopic_calibration
 from .descriptors import DESIGNS, SPARE, euler_limit, problem_and_scaling
 from .descriptors import certified as certified_energy
-from .detectors import faults_of
+from .detectors import certified_band, faults_of
 from .polytopic_tables import frozen, tables_of
 
 Array = np.ndarray
@@ -119,7 +119,8 @@ def propose(plant: Plant, method: str, options: dict) -> Proposal:
     if method == "hminus-hinf":
         faults = faults_of(plant)
         inside = Faults(s.rows[:, None] * faults.Bf, faults.Df / s.outputs[:, None])
-        found = hminus_hinf.design(scaled(problem, s), inside, bounds, options.get("criterion", "all"), free)
+        band = float(options["band"]) / s.time if "band" in options else None
+        found = hminus_hinf.design(scaled(problem, s), inside, bounds, options.get("criterion", "all"), free, band=band)
     else:
         own = {"form": options.get("form", "centred")} if method == "descriptor-error" else {"free": free}
         found = DESIGNS[method].design(scaled(problem, s), bounds, **own)
@@ -215,6 +216,9 @@ def certified(plant: Plant, proposal: Proposal, options: dict, real: str) -> tup
         held = {"waits": t.last << t.shift}
     cert = {"kind": "polytopic", "level": gamma, "claimed": proposal.found.gamma, "energy": proof,
             "limit": proposal.limit, "thresholds": held, "steady_box": None}
+    if proposal.method == "hminus-hinf" and options.get("criterion") == "band":
+        cert["band"] = certified_band(proposal.problem, faults_of(plant), gains, M, start, float(options["band"]),
+                                      proposal.s)
     if calibrated:
         t, cert["calibration"] = polytopic_calibration.calibrated(plant, t, held, options)
         if "waits" in held:
@@ -246,6 +250,11 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
     if not np.array_equal(proof.get("M", t.M), t.M):
         raise CertificateError("certificate: the level is one of another weight of the residual. Design again.")
     claims, c = check_energy(problem, t, proof), cert.get("calibration")
+    if "band" in cert:
+        if cert["band"]["period"] != expected:
+            raise CertificateError(f"certificate: the band is one by steps of {cert['band']['period']} (found), "
+                                   f"expected {expected}. Design again.")
+        claims += finite_frequency.check(problem, faults_of(plant), t, t.M, cert["band"])
     if "waits" in cert["thresholds"]:
         if c is None or c["guaranteed"] is not None:
             raise CertificateError("certificate: the thresholds rest on nothing. Design again.")
