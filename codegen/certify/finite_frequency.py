@@ -105,6 +105,6 @@ def check(problem, faults, gains, M: Array, proof: dict) -> list[str]:
                                    f'rad/s fails with the observer at "{problem.names[j]}" (leading minor {bad + 1}). '
                                    "Ask for a narrower band.")
     steps = "" if proof["period"] is None else f", by steps of {proof['period']:.6g} s"
-    return [f"H- up to {proof['band']:.6g} rad/s{steps}: from rest without inputs and disturbances the energy of M r "
-            f"is at least {proof['beta']:.6g}^2 times that of the faults, in units of their ranges, where these have no "
+    return [f"H- up to {proof['band']:.6g} rad/s{steps}: from rest without inputs and disturbances the energy of M "
+            f"r is at least {proof['beta']:.6g}^2 times that of the faults, in units of their ranges, where these have no "
             "frequency above and the weights stand still; where weights move, as long as the error moves no faster"]
