@@ -76,8 +76,28 @@ def check(problem, faults, gains, M: Array, proof: dict) -> list[str]:
     CertificateError
         Naming what fails.
     """
+    for j, S in inequalities(problem, faults, gains, M, proof):
+        bad = leading_failure(S)
+        if bad is not None:
+            raise CertificateError(f'certificate: the sensitivity {proof["beta"]:.6g} up to {proof["band"]:.6g} '
+                                   f'rad/s fails with the observer at "{problem.names[j]}" (leading minor {bad + 1}). '
+                                   "Ask for a narrower band.")
+    steps = "" if proof["period"] is None else f", by steps of {proof['period']:.6g} s"
+    return [f"H- up to {proof['band']:.6g} rad/s{steps}: from rest without inputs and disturbances the energy of M "
+            f"r is at least {proof['beta']:.6g}^2 times that of the faults, in units of their ranges, where these have "
+            "no frequency above and the weights stand still; where weights move, as long as the error moves no faster"]
+
+
+def inequalities(problem, faults, gains, M: Array, proof: dict) -> list[tuple[int, Array]]:
+    """What must be positive definite at every vertex of the observer, exactly; arguments as `check`.
+
+    Raises
+    ------
+    CertificateError
+        P, Q or Y is none, or the claim is more than the level.
+    """
     own, C, D = errors_of(problem, faults, gains, np.array(proof["T1"]), proof["period"])
-    n, n_f = len(C.T), D.shape[1]
+    n, n_f, out_of = len(C.T), D.shape[1], []
     P, q, Y = (rational(np.array(proof[key], dtype=float)) for key in ("P", "Q", "Y"))
     if P.shape != (n, n) or np.any(P != P.T) or Y.shape != (2 * n + n_f, n):
         raise CertificateError(f"certificate: P is {P.shape}, Y is {Y.shape} (found), expected symmetric {(n, n)} and "
@@ -99,12 +119,5 @@ def check(problem, faults, gains, M: Array, proof: dict) -> list[str]:
     for j, (N, B) in own.items():
         flow = np.concatenate([eye(n), -N, -B], axis=1)
         mixed = product(Y, flow)
-        bad = leading_failure(base + mixed + mixed.T)
-        if bad is not None:
-            raise CertificateError(f'certificate: the sensitivity {proof["beta"]:.6g} up to {proof["band"]:.6g} '
-                                   f'rad/s fails with the observer at "{problem.names[j]}" (leading minor {bad + 1}). '
-                                   "Ask for a narrower band.")
-    steps = "" if proof["period"] is None else f", by steps of {proof['period']:.6g} s"
-    return [f"H- up to {proof['band']:.6g} rad/s{steps}: from rest without inputs and disturbances the energy of M "
-            f"r is at least {proof['beta']:.6g}^2 times that of the faults, in units of their ranges, where these have no "
-            "frequency above and the weights stand still; where weights move, as long as the error moves no faster"]
+        out_of.append((j, base + mixed + mixed.T))
+    return out_of

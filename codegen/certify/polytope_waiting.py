@@ -11,11 +11,14 @@ Until then a threshold holds that no measurement within its range can exceed: no
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from flint import fmpq
 
 from ..errors import CertificateError
 from .exact import Q, inverse, product, rational
+from .filter_bounds import Demand, raised
 from .polytope_error import standard_errors
 from .polytope_thresholds import starts
 
@@ -80,8 +83,8 @@ def samples_needed(gains: list[fmpq], start: fmpq, contraction: float, levels: A
     return 0 if worst <= 1 else int(np.ceil(np.log(worst) / (-2 * np.log(contraction))))
 
 
-def check(plant, problem, t, proof: dict) -> None:
-    """Check what the table of thresholds says of starts.
+def demands(plant, problem, t, proof: dict) -> Iterator[Demand]:
+    """What the table of thresholds says of starts: "kept" and "start" in squares, "threshold".
 
     Parameters
     ----------
@@ -91,19 +94,42 @@ def check(plant, problem, t, proof: dict) -> None:
     proof : dict
         Of ``polytope_gain``.
 
+    Yields
+    ------
+    Demand
+
     Raises
     ------
     CertificateError
-        A start may still be seen where judging begins, or is judged before.
+        The table starts at no row of it.
     """
     gains, (first, whole) = starting(plant, problem, t, proof)
     wait, shrunk = t.last << t.shift, Q(proof["contraction"]) ** 2
     if not 0 <= t.shift < 16 or t.start not in (0, t.last):
         raise CertificateError(f"certificate: the table of {t.last + 1} rows starts at {t.start}.")
-    for k, (g, most) in enumerate(zip(gains, beyond_reach(t))):
-        allowed = (SHARE * Q(float(t.h[-1, k]))) ** 2
-        if g * whole * shrunk**wait > allowed or (t.start == t.last and g * first > allowed):
-            raise CertificateError(f"certificate: a start may still be seen in residual {k} when it is judged, after "
-                                   f"{wait} samples (found), expected at most {float(SHARE):g} of its threshold.")
-        if np.any(rational(t.h[:-1, k]) < most):
-            raise CertificateError(f"certificate: residual {k} is judged before {wait} samples after a start.")
+    allowed = np.array([float(SHARE) ** 2 * float(h) ** 2 * (1 - 1e-12) for h in t.h[-1]])
+    left = raised(np.array([g * whole * shrunk**wait for g in gains], dtype=object))
+    yield Demand("kept", f"{wait} samples after a start", left, allowed, lambda at, needed: _seen(at, wait))
+    begun = raised(np.array([g * first for g in gains], dtype=object)) if t.start == t.last else 0 * left
+    yield Demand("start", "initial box", begun, allowed, lambda at, needed: _seen(at, 0))
+    most = raised(beyond_reach(t))
+    for k, row in enumerate(t.h[:-1].astype(float)):
+        yield Demand("threshold", f"row {k}", most, row, lambda at, needed: (
+            f"residual {at[0]} is judged before {wait} samples after a start."))
+
+
+def _seen(at: tuple, wait: int) -> str:
+    return (f"a start may still be seen in residual {at[0]} when it is judged, after {wait} samples (found), expected "
+            f"at most {float(SHARE):g} of its threshold.")
+
+
+def check(plant, problem, t, proof: dict) -> None:
+    """Check what the table says of starts; arguments as `demands`.
+
+    Raises
+    ------
+    CertificateError
+        A start may still be seen where judging begins, or is judged before.
+    """
+    for demand in demands(plant, problem, t, proof):
+        demand.require()

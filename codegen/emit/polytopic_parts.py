@@ -110,7 +110,7 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
         move=move, thresholds=Table("threshold", f"[{m}_ROWS][{m}_NY]", (), table),
         limits=(vector_table("least", f"{m}_NX", t.z_lo, t.real), vector_table("most", f"{m}_NX", t.z_hi, t.real)),
         row=f"(s->since >> {t.shift}U)" if t.shift else "s->since", unread=() if u or theta else ("in",),
-        laws=() if t.law is None else (law_view(t, names, y),),
+        laws=() if t.law is None else (law_view(t, names, y, _operations(t, sums) + _weights(t, sums["x_hat"])),),
         anew="false" if t.faults else "again && (out->raw == 0U)",
         sure=("out->assured = 1U; /* the faults are part of the estimate and spoil nothing */",) if t.faults else (),
         again="anew || (!kept) || (!inside)" if t.faults else "anew || (!kept)")
@@ -185,15 +185,20 @@ def steps(t: PolytopicTables, outputs: list[str] | None = None, first: int = 0) 
 
 def _operations(t: PolytopicTables, parts: dict[str, list]) -> Operations:
     """Count a step."""
-    counts = [count_operations(terms) for key in parts for terms in parts[key]]
+    counts = [count_operations(terms) for key in parts if key != "x_hat" for terms in parts[key]]
     multiply, add = (sum(c[k] for c in counts) for k in (0, 1))
-    w = t.weights
     weighted = [count_operations(terms_of(row, ["r"] * len(row), t.real)) for row in t.M] if t.weighted else []
     multiply, add = multiply + sum(a for a, _ in weighted), add + sum(b for _, b in weighted)
     # Ranges of what comes in and of z, thresholds and the signs of what they are compared with.
     ranges = 2 * (len(t.u_lo) + len(t.y_lo) + len(t.theta_lo) + len(t.z_lo) + len(t.M))
+    return Operations(multiply, add, ranges) + _weights(t, parts["x_hat"])
+
+
+def _weights(t: PolytopicTables, x_hat: list[list[Term]]) -> Operations:
+    """Count the estimate and its weights."""
+    w, (multiply, add) = t.weights, np.sum([count_operations(terms) for terms in x_hat], axis=0).tolist()
     return Operations(multiply + w.count("mul"), add + w.count("add", "sub"),
-                      ranges + w.count("ge", "le", "gt", "min", "max", "abs") + 2 * w.count("div"), w.count("div"))
+                      w.count("ge", "le", "gt", "min", "max", "abs") + 2 * w.count("div"), w.count("div"))
 
 
 def weight_lines(w: Program, n_x: int, n_u: int, real: str, kind: str) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ from .polytopic_step import step, summed
 from .runner import Runner, pack
 from .supervisor import SupervisorState, judge
 from .thresholds import refuse
-from .trace import Rows
+from .trace import Rows, blank
 
 Array = np.ndarray
 #: Answer of a bank that blames nobody.
@@ -225,11 +225,8 @@ class BankTrace(Rows):
     def empty(cls, shape: tuple[int, ...], members: int, n_y: int, dtype) -> BankTrace:
         """Allocate for runs of the given leading shape; ``n_y`` is not used."""
         del n_y
-        real = [np.full((*shape, members), np.nan, dtype=dtype) for _ in range(2)]
-        bits = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
-        words = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
-        return cls(*real, np.zeros(shape, bool), *bits, np.zeros(shape, bool), np.zeros(shape, dtype=np.int64),
-                   np.full(shape, NOBODY, dtype=np.int32), *words)
+        *common, ready, inside, raised = blank(shape, (members, members), dtype, 3)
+        return cls(*common, np.full(shape, NOBODY, dtype=np.int32), ready, inside, raised)
 
     def words(self) -> list[Array]:
         """The fields that other families do not have, in their order, as the C's words."""

@@ -94,8 +94,11 @@ def purpose(design) -> str:
     if is_polytopic(design, plant.target.real):
         when = ("only where a residual cannot be explained without a fault" if design.observer.supervision.assures else
                 "where a residual exceeds thresholds that were calibrated by simulation")
+        law = design.observer.tables[plant.target.real].law
+        steers = "" if law is None else (f"steers {words.listed(plant.y[i].name for i in law.rows)} to references by "
+                                         f"{words.listed(s.name for s in plant.u)}, ")
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
-                f"reads {outputs}, answers with an estimate of {states}, and raises an alarm {when}.")
+                f"reads {outputs}, {steers}answers with an estimate of {states}, and raises an alarm {when}.")
     return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it reads "
             f"{outputs}, answers with guaranteed bounds on {states}, and raises an alarm only when the measurements "
             "cannot be explained without a fault.")
@@ -111,6 +114,8 @@ def _complaints(design, real: str, o: Outcome) -> list[str]:
         out.append(f"in {name} a mode was decided for too long at {words.count(o.late, 'sample')}")
     if o.false_alarms:
         out.append(f"in {name} there were {words.count(o.false_alarms, 'false alarm')}")
+    if o.steering is not None:
+        out += [f"in {name} {broken}" for broken in o.steering.broken]
     late = [e for e in o.episodes if not outcome_words.kept(design, real, o, e)]
     if late:
         out.append(f"in {name} {words.count(len(late), 'fault')} promised to be found in time went unseen")

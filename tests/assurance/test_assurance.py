@@ -25,7 +25,7 @@ from codegen.assurance.claims import claims
 from codegen.assurance.places import constants
 from codegen.assurance.plant_lines import plant_lines
 from codegen.designs import read_checked
-from codegen.emit.package import files
+from codegen.emit.package import firmware
 from codegen.errors import CertificateError
 from codegen.pipeline import check_assurance
 from codegen.plant.load import gallery_folder, load
@@ -171,7 +171,7 @@ def test_a_line_that_is_not_certain_is_not_named():
 def test_constants_are_found_in_every_kind_of_c(family, variant, layout):
     design = stand_in(family, **VARIANTS[variant])
     real = "float64" if layout == "table" else "float32"
-    p, texts = design.plant.target.prefix, files(design, real, layout, measure=False)
+    p, texts = design.plant.target.prefix, firmware(design, real, layout)
     text = texts[f"{p}.c"].splitlines()
     found = constants(design, real, layout, texts[f"{p}.c"], texts[f"{p}.h"])
     assert sum(len(c.entries) for c in found) > 8
@@ -203,7 +203,7 @@ MUTANTS = [  # what, pattern, replacement: of any C that emission prints; tables
 def printed(family, layout):
     """C that is accepted as it is."""
     design = stand_in(family, sizes=(2, 2, 2, 2))
-    p, texts = design.plant.target.prefix, files(design, "float32", layout, measure=False)
+    p, texts = design.plant.target.prefix, firmware(design, "float32", layout)
     constants(design, "float32", layout, texts[f"{p}.c"], texts[f"{p}.h"])
     return design, texts[f"{p}.c"], texts[f"{p}.h"]
 

@@ -6,9 +6,17 @@ import numpy as np
 
 
 def every_number_of_the_family(t, found, modes):
-    """All arrays of the tables but the ranges of x, which the C does not know, and S; of pairs of modes no diagonal."""
+    """All arrays of the tables but the ranges of x, which the C does not know, and S; of pairs of modes no diagonal.
+
+    Of a polytopic observer the constants of its weights and all numbers of a law beside it too.
+    """
     by_mode, checked = {key[0] for key in found if key[1]}, 0
-    for name, value in vars(t).items():
+    own = vars(t)
+    if hasattr(t, "weights"):
+        own = own | {"weights": np.array(t.weights.constants)}
+    if getattr(t, "law", None) is not None:
+        own = own | vars(t.law) | {"period": np.array(t.law.period)}
+    for name, value in own.items():
         if not isinstance(value, np.ndarray) or name in ("S", "x_lo", "x_hi", "x0_lo", "x0_hi"):
             continue
         if name not in {key[0] for key in found} and not np.any(value):

@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from helpers.folders import write
+from helpers.folders import built, write
 from helpers.points import VARIANTS, changed, in_turn, point_design, random_plant
 from helpers.set_changes import (
     BASIS_CHANGES,
@@ -61,7 +61,7 @@ def test_c_equals_the_reference(variant, real, made, tmp_path):
     assert reference.raw_bits.any() and not reference.raw_bits.all() and reference.assured.any()
     which = LAYOUTS if variant == "two outputs" else [LAYOUTS[len(variant) % 3]]
     for layout in which:
-        driver = build(write(design, tmp_path / layout, real, layout))
+        driver = built(design, tmp_path / layout, real, layout)
         trace = driver.run_many(u, y, q)
         assert trace.differs(reference) == [], layout
         box = {} if isinstance(design.observer, ThresholdObserver) else {"x0_lo": np.full(len(t.box), -0.01),
@@ -166,7 +166,7 @@ def test_rounding_is_inside_the_set(kind, options, tmp_path):
                            "x0_hi": np.full(3, 0.1)})
     design = point_design(plant, kind, **options)
     bare = without_rounding(design)
-    drivers = [build(write(d, tmp_path / name, "float32", "loop")) for name, d in (("sound", design), ("bare", bare))]
+    drivers = [built(d, tmp_path / name, "float32", "loop") for name, d in (("sound", design), ("bare", bare))]
     found = np.zeros((2, 2), dtype=int)
     for seed in range(2):
         u, y, q, states = exact_run(plant, 200, np.random.default_rng(seed))
@@ -245,9 +245,9 @@ def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
     """Corners aligned with the residual at one sample. A generator dropped from the tables, and it alarms falsely."""
     design = point_design(random_plant(seed=9, schedule=(0, 1, 1, 2, 0, 0)), kind, **options)
     plant = design.plant
-    drivers = {"sound": build(write(design, tmp_path / "sound"))}
+    drivers = {"sound": built(design, tmp_path / "sound")}
     for name, shape in smaller_sets(design).items():
-        drivers[name] = build(write(changed(design, shape=shape), tmp_path / name))
+        drivers[name] = built(changed(design, shape=shape), tmp_path / name)
     runs, rng = [], np.random.default_rng(0)
     for angle in np.linspace(0, np.pi, 12, endpoint=False):
         q = rng.integers(0, plant.n_modes, 14)

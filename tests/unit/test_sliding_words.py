@@ -11,7 +11,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from helpers.folders import write  # noqa: E402
+from helpers.folders import built  # noqa: E402
 
 from codegen.analysis.mode_promise import dropped, unbound  # noqa: E402
 from codegen.analysis.replay import replay  # noqa: E402
@@ -19,7 +19,6 @@ from codegen.analysis.validate import judge, validate  # noqa: E402
 from codegen.compare import dwell_of, variants  # noqa: E402
 from codegen.designs import read_design  # noqa: E402
 from codegen.errors import ToolError  # noqa: E402
-from codegen.host.build import build  # noqa: E402
 from codegen.report import firmware_words, verdict  # noqa: E402
 from codegen.report.design_words import words_of  # noqa: E402
 from codegen.target.prove import prove  # noqa: E402
@@ -34,7 +33,7 @@ def design():
 
 @pytest.fixture(scope="module")
 def outcomes(design, tmp_path_factory):
-    driver = build(write(design, tmp_path_factory.mktemp("sliding") / "c"))
+    driver = built(design, tmp_path_factory.mktemp("sliding") / "c")
     return driver, validate(design, driver)
 
 
