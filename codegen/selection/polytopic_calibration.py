@@ -40,7 +40,7 @@ def settled(trace, q: Array) -> Array:
     Parameters
     ----------
     trace : PolytopicTrace
-    q : ndarray
+    q : ndarray (N, K)
         Not read.
     """
     size = np.where(trace.settled[..., None] != 0, np.nan_to_num(np.abs(trace.r)), 0)
