@@ -268,7 +268,8 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
         guaranteed = t if c is None else polytopic_calibration.whole(t, c)
         if np.any(t.h[-1] > guaranteed.h[-1]):
             raise CertificateError("certificate: a calibrated threshold is above the guaranteed one.")
-        polytope_thresholds.check(plant, problem, guaranteed, cert["thresholds"], np.array(proof["T1"]), expected)
+        T1 = np.array(proof.get("T1", []))
+        polytope_thresholds.check(plant, problem, guaranteed, cert["thresholds"], T1, expected)
     return sentences(plant, t, cert, claims, None if c is None else polytopic_calibration.check(plant, t, c))
 
 
