@@ -56,6 +56,9 @@ def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict
         right = " while the decision was right" if is_unproved(design, real) else ""
         parts.insert(1, f"no true state outside its bounds{right} "
                      f"({words.count(len(simulated), 'simulated scenario')})")
+    steered = sum(o.steering is not None for o in outcomes)
+    if steered:
+        parts.append(f"{words.count(steered, 'run')} in the loop with the true plant kept to the certificate")
     text = f"In {words.count(len(outcomes), 'scenario')} with {words.count(samples, 'sample')}: {words.listed(parts)}."
     if injected:
         text += f" {len(found)} of {words.count(injected, 'fault')} found; none was later than promised."

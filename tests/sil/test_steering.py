@@ -23,6 +23,7 @@ from codegen.report.verdict import verdict
 
 need("gcc")
 KEPT = GENERATED_ROOT / "quadrotor_tracking"
+RECORD = {"state_bytes": 60, "operations_per_step": {"multiply": 1, "add": 1, "compare": 1}, "measured": {}}
 REST, ENERGY, ENDS, MISSING = (LOOP + name for name in ("from the initial box to rest", "from rest, the largest energy",
                                                         "disturbances at their ends", "samples missing"))
 FAULT, FAR = LOOP + "yaw gyro", LOOP + "towards the largest yaw_torque"
@@ -88,8 +89,7 @@ def test_a_law_that_is_not_the_certified_one_breaks_a_promise(fields, run, words
     assert o.differences == [] and any(words in broken for broken in o.steering.broken) and not o.passed
     with pytest.raises(ValidationError, match="expected what the certificate says"):
         require(made, "float32", [o])
-    record = {"state_bytes": 60, "operations_per_step": {"multiply": 1, "add": 1, "compare": 1}, "measured": {}}
-    assert verdict(made, "float32", record, [o]).word == "Validation failed"
+    assert verdict(made, "float32", RECORD, [o]).word == "Validation failed"
 
 
 def test_c_that_is_not_the_reference_shows(tmp_path):
@@ -109,6 +109,11 @@ def test_the_report_shows_it(outcomes):
     (plot,) = plots.tracking(designed(), "float32", outcomes[ENDS], "s1")
     assert f'aria-label="Tracking in {ENDS}"' in plot.svg and "roll_torque" in plot.svg
     assert "cut at 0 samples" in plot.caption and plots.tracking(designed(), "float32", outcomes[REST], "s1") == ()
+
+
+def test_the_verdict_says_so(outcomes):
+    said = verdict(designed(), "float32", RECORD, list(outcomes.values()))
+    assert said.kind == "ok" and "9 runs in the loop" in said.result and "steers roll, pitch and yaw" in said.purpose
 
 
 def test_names_of_runs_can_be_asked_for():
