@@ -116,6 +116,9 @@ static void any_framers(T(state) *s)
     s->framed = draw(1U << M(MODES));
     s->measured = draw(2U);
 #endif
+#if CASE_FOLLOWS
+    plant_observer(s, draw);
+#endif
     s->decided = draw(M(MODES));
 }
 #elif CASE_SLIDING

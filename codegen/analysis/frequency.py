@@ -5,6 +5,8 @@ Plant and observer side by side, as the plant's own equations and the tables say
     E x+ = A x + B u + Bw w + Bf f,   y = C x + Dv v + Df f         (a continuous plant by Euler steps of the period)
     x_hat = z + T2 y,   r = y - C x_hat,   z+ = F x_hat + G u - K r,   out = M r
 
+or, of an observer that solves the algebraic equations itself, x_hat = P z + Q u, z and u at the same sample.
+
 Inputs are in units of their largest sizes. What is proved holds for weights that move; this shows where in frequency a
 fault is seen: an observer that sees fast faults well may see none that lasts.
 """
@@ -96,6 +98,9 @@ def _side_by_side(E: Array, A: Array, B: Array, C: Array, D: Array, t, j: int, u
     n = len(E)
     T2, Co, F, G, K, M = (np.asarray(a, dtype=float) for a in (t.T2, t.C, t.F[j], t.G[j], t.K[j], t.M))
     estimate, fed = np.hstack([T2 @ C, np.eye(n)]), T2 @ D
+    if hasattr(t, "algebraic"):
+        of_z, of_u = t.estimate(j)
+        estimate, fed = np.hstack([np.zeros((n, n)), of_z]), np.hstack([of_u * u, np.zeros((n, D.shape[1] - len(u)))])
     r, direct = np.hstack([C, np.zeros((len(C), n))]) - Co @ estimate, D - Co @ fed
     zeros = np.zeros((n, n))
     step = np.vstack([np.hstack([A, zeros]), F @ estimate - K @ r])

@@ -39,7 +39,7 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
     own : tuple of str
         Checks by exact arithmetic.
     """
-    own = own if seen_apart(t) else tuple(name for name in own if name != "independent")
+    own = seen_apart(t, cert, own)
 
     def claim(id, words, formula, source, code, margins, constants=(*GAINS, "h"), checks=own, of_plant=PLANT):
         return lambda text: build(id, text, (*plant, *of_plant), words, formula, source, code, constants,
@@ -55,14 +55,17 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
     yield from _thresholds(design.plant, t, cert, claim, (*own, "rounding", "validation", "target"))
 
 
-def seen_apart(t) -> bool:
-    """Whether the independent checker knows such an observer.
+def seen_apart(t, cert: dict, checks: tuple) -> tuple:
+    """Checks by exact arithmetic: without the independent one where that does not know such an observer.
 
     Parameters
     ----------
     t : PolytopicTables
+    cert : dict
+    checks : tuple of str
     """
-    return False
+    known = not t.faults and np.ndim(cert.get("energy", cert)["T1"]) == 2
+    return checks if known else tuple(name for name in checks if name != "independent")
 
 
 def _energy(plant, t, cert: dict, claim, own: tuple):
@@ -158,7 +161,7 @@ def _estimated(plant, t, cert: dict, claim, checks: tuple):
 def ranges(design, t, cert: dict, build: type, checks: tuple):
     """State where plant and observer start."""
     plant = fault_estimators.with_faults(design.plant) if t.faults else design.plant
-    checks = checks if seen_apart(t) else tuple(name for name in checks if name != "independent")
+    checks = seen_apart(t, cert, checks)
     if t.faults:
         started = [(c.left, c.where) for c in fault_estimators.conditions(design.plant, t, cert) if c.what == "start"]
     else:

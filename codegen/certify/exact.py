@@ -79,19 +79,17 @@ def eye(n: int) -> Array:
 def leading_failure(S: Array) -> int | None:
     """Index of the first non-positive pivot of the symmetric rational S, or None: S is positive definite.
 
-    Plain LDL' elimination without pivoting; exact, so its answer is a proof either way.
+    Elimination without pivoting, of whole numbers without fractions (Bareiss): the numbers stay minors of S times its
+    denominator. Exact, so its answer is a proof either way.
     """
-    M = fmpq_mat([[Q(x) for x in row] for row in S])
-    n = M.nrows()
-    for k in range(n):
-        pivot = M[k, k]
+    whole, _ = fmpq_mat([[Q(x) for x in row] for row in S]).numer_denom()  # the denominator is positive
+    rows, last = whole.tolist(), 1
+    while rows:
+        (pivot, *top), *below = rows
         if pivot <= 0:
-            return k
-        for i in range(k + 1, n):
-            if M[i, k] != 0:
-                factor = M[i, k] / pivot
-                for j in range(k + 1, n):
-                    M[i, j] -= factor * M[k, j]
+            return len(S) - len(rows)
+        rows = [[(pivot * x - row[0] * t) // last for x, t in zip(row[1:], top)] for row in below]
+        last = pivot
     return None
 
 

@@ -58,7 +58,17 @@ class Sums:
     off: fmpq
 
 
-def sums(t, known=()) -> Sums:
+def off_one(t) -> fmpq:
+    """How far the sum of the weights is from 1: what the C accepts, and the rounding of the sum that it looked at.
+
+    Parameters
+    ----------
+    t : PolytopicTables
+    """
+    return (8 * len(t.F) + 4) * 2 * UNIT[t.real]
+
+
+def sums(t, known=(), x_hat: list[tuple[fmpq, fmpq]] | None = None) -> Sums:
     """Bound the rounding of every sum of the C of tables by itself, in its order of evaluation.
 
     Parameters
@@ -66,20 +76,20 @@ def sums(t, known=()) -> Sums:
     t : PolytopicTables
     known : sequence of fmpq
         Largest magnitudes of the known terms.
+    x_hat : list of (fmpq, fmpq), optional
+        Rounding and magnitude of its entries, where it is not z + T2 y.
     """
     real, z, y, u = t.real, sizes(t.z_lo, t.z_hi), sizes(t.y_lo, t.y_hi), sizes(t.u_lo, t.u_hi)
 
     def row(coefficients, operands, first=()):
         return sum_error([*first, *((Q(c), b) for c, b in zip(coefficients, operands))], real)
 
-    x_hat = [row(t.T2[i], y, [(fmpq(1), z[i])]) for i in range(len(z))]
+    x_hat = x_hat or [row(t.T2[i], y, [(fmpq(1), z[i])]) for i in range(len(z))]
     most = [m for _, m in x_hat]
     r = [row(t.C[i], most, [(fmpq(1), y[i])]) for i in range(len(y))]
     weighted = [row(M, [m for _, m in r]) for M in t.M] if t.weighted else [(fmpq(0), m) for _, m in r]
     operands = [*most, *u, *(m for _, m in r), *known]
-    # |sum h - 1|: what the C accepts, and the rounding of the sum that it looked at.
-    off = (8 * len(t.F) + 4) * 2 * UNIT[real]
-    vertex, after = [], []
+    off, vertex, after = off_one(t), [], []
     for i in range(len(z)):
         vertex.append([row(np.where(t.shared[i], 0, M[i]), operands) for M in t.gains])
         terms = [(Q(c), b) for c, b in zip(np.where(t.shared[i], t.gains[0, i], 0), operands)]
@@ -87,7 +97,7 @@ def sums(t, known=()) -> Sums:
     return Sums(x_hat, r, weighted, vertex, after, off)
 
 
-def rounding(t, known=()) -> Rounding:
+def rounding(t, known=(), x_hat: list[tuple[fmpq, fmpq]] | None = None) -> Rounding:
     """Bound what the C of tables rounds: the sums of the vertices by their weights.
 
     Parameters
@@ -95,8 +105,10 @@ def rounding(t, known=()) -> Rounding:
     t : PolytopicTables
     known : sequence of fmpq
         Largest magnitudes of the known terms.
+    x_hat : list of (fmpq, fmpq), optional
+        Rounding and magnitude of its entries, where it is not z + T2 y.
     """
-    real, y, u, found = t.real, sizes(t.y_lo, t.y_hi), sizes(t.u_lo, t.u_hi), sums(t, known)
+    real, y, u, found = t.real, sizes(t.y_lo, t.y_hi), sizes(t.u_lo, t.u_hi), sums(t, known, x_hat)
     off = found.off
     after = [error + (1 + off) * max(e for e, _ in own) + off * max(m for _, m in own)
              for (error, _), own in zip(found.z, found.vertex)]

@@ -13,7 +13,7 @@ from itertools import product as pairs_of
 import numpy as np
 
 from ..errors import CertificateError
-from . import filter_bounds, polytope_bounds
+from . import descriptor_bounds, filter_bounds, polytope_bounds
 from .exact import Q, rational
 from .filter_bounds import Demand, Graph
 from .polytope_bounds import middle
@@ -41,6 +41,23 @@ def graph_of(model) -> Graph:
     return Graph((None,), tuple((0, p, 0) for p in range(len(model))))
 
 
+def model_of(plant, problem, t, T1: Array, period: float | None) -> tuple[tuple, Array]:
+    """The recursion of the error and T1 E, for all pairs of vertices.
+
+    Parameters
+    ----------
+    plant : Plant
+    problem : DescriptorProblem
+    t : PolytopicTables
+    T1 : ndarray (n, n) or (h, n, n)
+        Not read where the observer solves the algebraic equations itself.
+    period : float or None
+    """
+    if hasattr(t, "algebraic"):
+        return descriptor_bounds.model(plant, problem, t, period)
+    return polytope_bounds.model(plant, every_pair(problem), t, T1, period)
+
+
 def starts(plant, t, T1E: Array) -> tuple[Array, Array]:
     """Bounds of |eb| at a start from the initial box, and at one from anywhere; rational (n,).
 
@@ -53,7 +70,7 @@ def starts(plant, t, T1E: Array) -> tuple[Array, Array]:
     found = []
     for x, z in (((plant.x0_lo, plant.x0_hi), (t.z0, t.z0)), (plant.limits("x"), (t.z_lo, t.z_hi))):
         (mid, half), (at, room) = middle(*x), middle(*z)
-        found.append(abs(T1E @ mid - at) + abs(T1E) @ half + room)
+        found.append(abs(T1E @ mid - at[t.moving]) + abs(T1E) @ half + room[t.moving])
     return found[0], found[1]
 
 
@@ -80,7 +97,7 @@ def demands(plant, problem, t, cert: dict, T1: Array, period: float | None) -> I
     CertificateError
         The certificate is of another shape, boxes are not within each other, or bounds do not come down to the last.
     """
-    model, T1E = polytope_bounds.model(plant, every_pair(problem), t, T1, period)
+    model, T1E = model_of(plant, problem, t, T1, period)
     graph, rows, b = graph_of(model), np.array(cert["rows"], dtype=float), np.array(cert["bounds"], dtype=float)
     found = filter_bounds.maps(model, cert, 0)
     if b.shape != (1, len(rows)) or not np.all(b >= 0):

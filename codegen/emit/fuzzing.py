@@ -70,7 +70,8 @@ def fuzz_harness(record: dict) -> str:
     EmitError
         The template is damaged.
     """
-    macro, real, answers = record["macro"], record["real"], {name for name, *_ in record["out"]}
+    macro, real = record["macro"], record["real"]
+    answers = tuple(name for name, kind, _ in record["out"] if kind == "real")
     ranges = tuple(Range(name, f"[][{macro}_NTHETA]" if name.startswith("theta") else "[]",
                          initialiser(np.array(record["ranges"][name], dtype=real), real))
                    for name in RANGES if record["ranges"].get(name))

@@ -22,7 +22,16 @@ from ..certify.filter_model import rounding_of
 from ..certify.rounding import input_error
 from ..certify.sets import SetDemands
 from ..certify.variation import pace_rounding
-from . import driven_parts, families, filter_parts, gappa_boxes, gappa_polytopic, gappa_sums, point_parts
+from . import (
+    driven_parts,
+    families,
+    filter_parts,
+    gappa_boxes,
+    gappa_pairs,
+    gappa_polytopic,
+    gappa_sums,
+    point_parts,
+)
 from .gappa_sums import SIDES, Magnitude, Sum
 from .maps import MapSpec, Names
 from .varying import Varying
@@ -37,6 +46,8 @@ ABOUT_FILTERS = ("operation rounded and once exact. What they may differ by is t
                  "for the rounding of this sum, at every sample. All layouts calculate these sums: a")
 ABOUT_BOXES = ("operation rounded and once exact. What they may differ by is the margin: what the boxes gain for the",
                "rounding of this sum, in every period. All layouts calculate these sums: a")
+ABOUT_PAIRS = ("operation rounded and once exact. What they may differ by is the margin: what offsets and bounds of",
+               "the noise hold for the rounding of this sum, at every sample. All layouts calculate these sums: a")
 ABOUT_POLYTOPIC = ("operation rounded and once exact. What they may differ by is the margin: what the thresholds hold",
                    "for the rounding of this sum, weights being numbers in [0, 1]. All layouts calculate these sums: a")
 ABOUT_DRIVEN = ("operation rounded and once exact. What they may differ by is the margin: of the framers what their",
@@ -124,8 +135,9 @@ def rounding(design, d: DesignView) -> RoundingView:
             return _of_polytopic(design.plant, t, d)
         if d.family == "driven":
             return _of_driven(design.plant, t, names, d)
-        about = _of_points if hasattr(t, "shape") else {"filter": _of_filter, "mode": _of_boxes}[d.family]
-        modes = (design.plant if d.family == "mode" else design.plant.observed).modes
+        about = _of_points if hasattr(t, "shape") else {"filter": _of_filter, "mode": _of_boxes,
+                                                        "sliding": _of_pairs}[d.family]
+        modes = (design.plant if d.family in ("mode", "sliding") else design.plant.observed).modes
         return about(modes, t, names, d)
     specs = (*families.specs(design.observer.family, t, names, d.x, d.y), *families.change_specs(t, names, d.x))
     rows, computed = _of_framers(design.plant.observed.modes, t, names, specs)
@@ -179,6 +191,13 @@ def _of_boxes(modes, t, names: Names, d: DesignView) -> RoundingView:
     rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in gappa_boxes.sums(modes, t, names.prefix))
     return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in gappa_boxes.operands(t)), (), rows,
                         float(np.finfo(t.dtype).max).hex(), ABOUT_BOXES, LAST_POINTS)
+
+
+def _of_pairs(modes, t, names: Names, d: DesignView) -> RoundingView:
+    """State the sums of an estimator by sliding modes; the margin of each is what its offsets hold for the rounding."""
+    rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in gappa_pairs.sums(modes, t, names.prefix))
+    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in gappa_pairs.operands(t)), (), rows,
+                        float(np.finfo(t.dtype).max).hex(), ABOUT_PAIRS, LAST_POINTS)
 
 
 def _of_polytopic(plant, t, d: DesignView) -> RoundingView:

@@ -13,6 +13,7 @@ from .. import __version__
 from ..errors import EmitError
 from ..observers import ModeTables
 from ..target import metrics
+from ..target.gappa import WITHOUT
 from . import golden
 from .gappa import rounding
 from .golden_law import golden_laws
@@ -95,8 +96,10 @@ def _proofs(design, d: DesignView) -> dict[str, str]:
     """Print what Frama-C and Gappa read; nothing for families whose C is not read back."""
     if not design.observer.stated:
         return {}
-    return {f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d)),
-            f"rounding_{d.prefix}.g": render("harness/rounding.g.jinja", d=d, g=rounding(design, d))}
+    out = {f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d))}
+    if d.family in WITHOUT:  # no margin for rounding, so no script
+        return out
+    return out | {f"rounding_{d.prefix}.g": render("harness/rounding.g.jinja", d=d, g=rounding(design, d))}
 
 
 def resources(d: DesignView, design) -> dict:

@@ -21,13 +21,14 @@ Array = np.ndarray
 @dataclass(frozen=True)
 class PolytopicView:
     """Sizes, statements, tables. Of ``libm``, ``varies``, ``weighted`` (the name of the raw residual) one entry or
-    none; ``reads`` and ``called`` are the parameter ``in`` of the weights, ``idle`` and ``unread`` say
-    that nothing reads it. ``anew`` and ``again`` say when the thresholds start again, ``sure`` is a
-    line or none; ``laws`` is the tracking law, where there is one.
+    none, and of ``silent`` one where there is no libm, which may set errno; ``reads`` and ``called`` are the parameter
+    ``in`` of the weights, ``idle`` and ``unread`` say that nothing reads it. ``anew`` and ``again`` say when the
+    thresholds start again, ``sure`` is a line or none; ``laws`` is the tracking law, where there is one.
     """
 
     sizes: tuple[Size, ...]
     libm: tuple[str, ...]
+    silent: tuple[str, ...]
     reads: str
     called: str
     idle: tuple[str, ...]
@@ -85,6 +86,7 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
            (word, "inside", "", ("1: x_hat is where the weights are in force; 0: it is not",)),
            (word, "settled", "", ("1: r_bound has come down to where it stays; 0: it may be higher",)))
     move, sums = steps(t)
+    called = bool(t.weights.count(*LIBM, "sqrt"))
     read = {k for op in t.weights.operations for k in op.args if n <= k < t.weights.inputs}
     begin = (*assign("s->z", t.z0, t.real), *assign("s->y", t.y0, t.real), f"s->since = {t.start << t.shift}U;")
     whole = (*assign("s->z", t.z_mid, t.real), *assign("s->y", t.y_mid, t.real), "s->since = 0U;")
@@ -100,7 +102,7 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
                *((Size("NF", f"{t.faults}U", "faults: the last entries of x_hat"),) if t.faults else ()),
                Size("ROWS", f"{t.last + 1}U", "rows of the table of thresholds; the last holds for ever"),
                Size("LAST", f"{t.last << t.shift}U", "s->since once the last row holds")),
-        libm=("",) * bool(t.weights.count(*LIBM, "sqrt")), reads=f"const {names.prefix}_in *in, " if read else "",
+        libm=("",) * called, silent=("",) * (not called), reads=f"const {names.prefix}_in *in, " if read else "",
         called="in, " if read else "", idle=() if read or u else ("(void)in;",), varies=("",) * bool(sums["inner"]),
         weights=weight_lines(t.weights, n, t.G.shape[2], t.real, real),
         estimate=tuple(statement(f"x_hat[{i}]", terms, t.real) for i, terms in enumerate(sums["x_hat"])),

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import EmitError
+from ..observers.sliding import OLDEST
 
 Array = np.ndarray
 
@@ -142,6 +143,23 @@ def modes(t, members: dict[str, str]) -> Ranges:
                    "boxes to start from, or has been found empty. From there Eva shows that all stays finite."))
 
 
+def pairs(t, members: dict[str, str]) -> Ranges:
+    """Bounds, sliding variables and rates, each cut to its limit; means of rates, with room."""
+    count, rates = len(t.M_hi), float(np.sum(t.rate_limit))
+    limits = {"box": np.tile(t.limit, count), "shown": t.limit, "twist": np.tile(t.z_limit, count),
+              "rate": np.tile(t.rate_limit, count)}
+    kept = {f"{k}_{side}": (-most, most) for k, most in limits.items() for side in ("lo", "hi")}
+    kept["level"] = np.zeros(count, t.dtype), np.full(count, 4 * rates).astype(t.dtype)
+    words = {"decided": count - 1, "best": count - 1, "age": OLDEST, "since": t.dwell - 1, "last": t.dwell - 1}
+    return Ranges({}, words | dict.fromkeys(("fresh", "armed", "refuted"), 2 ** count - 1), (), kept)
+
+
+def bank(t, members: dict[str, str]) -> Ranges:
+    """States and averages, with which all observers start anew beyond their limits; counts."""
+    return Ranges({}, {"left": t.keep, "wait": max(t.settle, t.begin)}, (),
+                  {"z": (-t.limit, t.limit), "a": (-t.most, t.most)})
+
+
 def driven(t, members: dict[str, str]) -> Ranges:
     """The same, where framers may have cut a box that is dead; framers of a mode that is possible; a bit per mode."""
     boxes, told, n_modes = modes(t, members), t.told.box.astype(float), len(t.Phi)
@@ -185,4 +203,4 @@ def _origin(t) -> dict:
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
-          "mode": modes, "driven": driven, "polytopic": polytopic}
+          "mode": modes, "driven": driven, "polytopic": polytopic, "sliding": pairs, "bank": bank}

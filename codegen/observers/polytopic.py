@@ -97,6 +97,7 @@ class PolytopicObserver(Runner):
     family = "polytopic"
     tables_class = PolytopicTables
     trace_class = PolytopicTrace
+    advance = staticmethod(step)
 
     def empty(self, t, shape: tuple[int, ...]) -> PolytopicTrace:
         """Allocate the answers of runs of the given leading shape."""
@@ -132,7 +133,7 @@ class PolytopicObserver(Runner):
                out: PolytopicTrace) -> None:
         """One sample of the runs in ``on``: ``<p>_step`` where ``measured``, else ``<p>_predict``."""
         now = np.where(measured[:, None], y, self.y)
-        x_hat, r, inside, after = step(t, self.z, u, now, theta, measured)
+        x_hat, r, inside, after = self.advance(t, self.z, u, now, theta, measured)
         shown = summed(t.M, r) if t.weighted else r
         r_bound = t.h[np.minimum(self.since >> t.shift, t.last)]
         raw = ~(np.abs(shown) <= r_bound)

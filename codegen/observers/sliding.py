@@ -82,7 +82,6 @@ class SlidingObserver(Runner):
     family = "sliding"
     tables_class = SlidingTables
     trace_class = SlidingTrace
-    stated = False
 
     @classmethod
     def initial(cls, x0_lo, x0_hi, shape: tuple[int, int], record: dict, dtype) -> list[Array | None]:

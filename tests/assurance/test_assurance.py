@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.designs import VARIANTS, stand_in
-from helpers.kept import OTHERS, POINTS, STATED, first_of_each
-from helpers.table_numbers import every_number_of_a_set, every_number_of_the_family
+from helpers.kept import OTHERS, POINTS, STATED, family_of, first_of_each
+from helpers.table_numbers import every_number_of_a_bank, every_number_of_a_set, every_number_of_the_family
 
 import codegen
 from codegen.assurance import document
@@ -82,7 +82,8 @@ def test_every_claim_of_the_design_is_there(folder, made):
         about_the_c = c["id"] in ("arithmetic", "execution")
         assert all(c["condition"].values()) and set(c["constants"]) <= known and set(c["checks"]) <= set(CHECKS)
         assert about_the_c or (c["plant"] and c["constants"] and all(c["lines"].values()))
-        assert about_the_c or c["margins"] or c["id"].startswith("detection") or c["id"] in ("monitor", "sampling")
+        assert about_the_c or c["margins"] or c["id"].startswith("detection") or c["id"] in (
+            "monitor", "sampling", "decision")
         assert all(m["margin"] >= 0 and (m["expected"] == ">= 0" or m["margin"] > 0) for m in c["margins"])
         assert c["checks"]
 
@@ -121,6 +122,9 @@ def test_every_number_of_the_tables_is_there(folder, made):
             found[c["name"], c["mode"], *e["index"]] = e["value"]
     if folder in POINTS:
         every_number_of_a_set(t, found, [m.name for m in design.plant.modes])
+        return
+    if family_of(folder) == "bank":
+        every_number_of_a_bank(t, found)
         return
     if folder in OTHERS:
         every_number_of_the_family(t, found, [m.name for m in design.plant.modes])

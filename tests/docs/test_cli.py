@@ -190,7 +190,8 @@ def test_killed_in_the_middle_leaves_nothing_or_the_old(made, kill):
     assert process.returncode != 0 and "Traceback" not in stderr
     assert {p.name: p.read_bytes() for p in out.iterdir()} == before
     if kill != signal.SIGKILL:
-        assert "nothing was written" in stderr and process.returncode == 130
+        # Interrupted in the exec of an import (a dataclass), Python ends itself by SIGINT: 130 as well in a shell.
+        assert "nothing was written" in stderr and process.returncode in (130, -signal.SIGINT)
         assert not list(made.glob(f".{out.name}*"))
 
 

@@ -90,7 +90,8 @@ def test_many_runs_equal_single_ones(bench):
     unlike = design.plant.w or design.plant.v or design.plant.theta  # another seed is another run
     assert not unlike or driver.run(u[0], y[0], q[0], theta[0]).differs(together.row(2))
     lo, hi = design.plant.limits("x")
-    if driver.family in ("thresholds", "schedule", "blocks", "filter", "polytopic", "bank"):  # only the file's box
+    if driver.family in ("thresholds", "schedule", "blocks", "filter", "polytopic", "descriptor",
+                         "bank"):  # only the file's box
         with pytest.raises(ValueError, match="x0_lo, x0_hi: given"):
             driver.run_many(u, y, q, np.tile(lo, (SEEDS, 1)), np.tile(hi, (SEEDS, 1)), theta=theta)
         return

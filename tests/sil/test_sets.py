@@ -74,14 +74,22 @@ def quiet_outputs(design, u, q, wild):
     """Outputs of the plant itself under mild noise, with the samples that are missing in ``wild``."""
     plant, out = design.plant, wild.copy()
     rng = np.random.default_rng(0)
-    for run in range(len(u)):
-        x = plant.x0_lo + (plant.x0_hi - plant.x0_lo) * rng.random(plant.n_x)
-        for k in range(u.shape[1]):
-            m = plant.modes[q[run, k] if 0 <= q[run, k] < plant.n_modes else 0]
-            inputs = np.where(np.abs(u[run, k]) <= 0.3, u[run, k], 0.0)
-            y = m.C @ x + m.D @ inputs + m.Dv @ (m.v_lo + (m.v_hi - m.v_lo) * rng.random(plant.n_v))
-            out[run, k] = np.where(np.abs(wild[run, k]) <= 20.0, y, wild[run, k])
-            x = m.A @ x + m.B @ inputs + m.Bw @ (m.w_lo + (m.w_hi - m.w_lo) * rng.random(plant.n_w))
+    p = np.where((q >= 0) & (q < plant.n_modes), q, 0)
+    inputs = np.where(np.abs(u) <= 0.3, u, 0.0)
+
+    def drawn(side, size):
+        lo, hi = (np.array([getattr(m, f"{side}_{end}") for m in plant.modes])[p] for end in ("lo", "hi"))
+        return lo + (hi - lo) * rng.random((*p.shape, size))
+
+    def times(name, k, vector):
+        return np.einsum("rij,rj->ri", np.array([getattr(m, name) for m in plant.modes])[p[:, k]], vector)
+
+    v, w = drawn("v", plant.n_v), drawn("w", plant.n_w)
+    x = plant.x0_lo + (plant.x0_hi - plant.x0_lo) * rng.random((len(u), plant.n_x))
+    for k in range(u.shape[1]):
+        y = times("C", k, x) + times("D", k, inputs[:, k]) + times("Dv", k, v[:, k])
+        out[:, k] = np.where(np.abs(wild[:, k]) <= 20.0, y, wild[:, k])
+        x = times("A", k, x) + times("B", k, inputs[:, k]) + times("Bw", k, w[:, k])
     return out
 
 

@@ -1,4 +1,4 @@
-"""Scripts of filters, mode estimators, driven framers, polytopic observers are about the sums of the reference."""
+"""Scripts of all families but framers and point observers are about the sums that the reference calculates, with ==."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import driven
+from helpers import driven, small_sliding
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import PLANTS, stand_in
 from target.test_gappa import REALS, evaluate, fraction, script_of
@@ -22,6 +22,7 @@ from codegen.observers.framer import open_loop, propagate, scheduled
 from codegen.observers.mode_set import ModeSet, affine, image
 from codegen.observers.polytopic_step import evaluate as evaluate_program
 from codegen.observers.polytopic_step import step
+from codegen.observers.sliding import carried
 
 ROW = r'(?m)^# [^\n]*: margin [^\n]*\n(\w+) r=$'
 FILTERS = [f for f in OTHERS if family_of(f) == "filter"]
@@ -121,6 +122,28 @@ def boxes_of(design, real, rng):
             row = (base[0] + (added - radius)) - t.birth[p, q]
             expected |= {f"born_{i}_modes_{p}_{q}": v for i, v in enumerate(row)}
     return re.findall(ROW, text), expected, values, text, prefix
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("plant", PLANTS)
+def test_script_of_sliding_modes_is_about_the_sums_of_the_reference(plant, real):
+    design, rng = small_sliding.stand_in(plant), np.random.default_rng(5)
+    t, text = design.observer.tables[real], script_of(design, real)
+    lo, hi = np.sort(rng.uniform(-t.limit, t.limit, (2, len(t.limit))), axis=0).astype(real)
+    u, y = (rng.uniform(a, b).astype(real) for a, b in ((t.u_lo, t.u_hi), (t.y_lo, t.y_hi)))
+    seen = affine(y, -t.D, u)
+    values = {f"{s}_{j}": a for s, row in (("s_lo", lo), ("s_hi", hi), ("in_u", u), ("in_y", y), ("seen", seen))
+              for j, a in enumerate(row)}
+    expected = {f"seen_{i}": v for i, v in enumerate(seen) if np.any(t.D)}
+    for side, row, v in zip(("lo", "hi"), image(t.H, lo, hi, np.zeros(len(y), real)), (t.v_lo, t.v_hi)):
+        expected |= {f"tested_{side}_{i}": a for i, a in enumerate(row + v)}
+    for q in range(design.plant.n_modes):
+        for side, x, parts in (("lo", lo, (t.d_lo, t.G, t.L_lo, t.M_lo)), ("hi", hi, (t.d_hi, t.G, t.L_hi, t.M_hi))):
+            row = carried([part[q] for part in parts], u, seen, x)
+            expected |= {f"moved_{side}_{i}_mode_{q}": a for i, a in enumerate(row)}
+    names, prefix = re.findall(ROW, text), design.plant.target.prefix
+    assert {f"{prefix}_{name}" for name in expected} == set(names) and len(names) == len(expected)
+    agree(text, prefix, expected, values, real)
 
 
 def agree(text, prefix, expected, values, real):
