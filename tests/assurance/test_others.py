@@ -201,7 +201,8 @@ FALSE = {
     "quadrotor_tracking": (
         ("loop", "decay", lambda d: d | {"factor": 0.99 * d["factor"]}, "loop-decay: smallest pivot"),
         ("loop", "level", lambda d: d | {"level2": 0.9 * d["level2"]}, "loop-energy: smallest pivot"),
-        ("loop", "level", lambda d: d | {"gamma": 0.9 * d["gamma"]}, "is claimed"),
+        ("loop", "level", lambda d: d | {"gamma": 0.9 * d["gamma"]}, r"gamma\^2 at least that"),
+        ("certificate", "reached", lambda r: r | {"u": [0.99 * u for u in r["u"]]}, "said to be reached"),
         ("tables", "law", lambda law: replace(law, limit=law.limit / 2), "no-saturation: range beyond"),
         ("tables", "law", lambda law: replace(law, Kx=law.Kx * np.float32(1.5)), "loop-decay: smallest pivot"),
         ("tables", "h", lambda h: 0.999 * h, "residual [0-9] reaches")),
