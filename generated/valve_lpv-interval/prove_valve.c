@@ -13,9 +13,9 @@
  * Eva shows that, and that on the way there is no run-time error and no number becomes infinite or NaN.
  * Inputs go far beyond their ranges, but are numbers: the refusal of NaN and infinity is left to tests.
  * When a call ends each box has been cut to its limits and carried over one period, or is one of the
- * boxes to start from, or has been found empty. From there Eva shows that all stays finite.
- * Bounds of a mode whose bit of framed is set are in order and have been cut to their
- * limit at both ends; those of the others are not read. From there Eva shows that all stays finite.
+ * boxes to start from, or has been found empty. Bounds of a mode whose bit of framed is set are in
+ * order and have been cut at both ends; others are not read. From there Eva shows that all stays
+ * finite.
  * The proof is about IEEE 754 arithmetic, rounding to nearest, without fused multiply-add.
  */
 #include "valve.h"
