@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
+from ..algebra.interval import sizes
 from .panels import ALARM, EDGE
 from .plots import WIDTH
 from .svg import style
@@ -66,7 +67,7 @@ def responses(plant, t, seen: Array | None = None, faults: Array | None = None) 
     p, T = plant.polytope, plant.sample_period
     seen = np.arange(plant.n_y) if seen is None else seen
     faults = np.arange(plant.n_f) if faults is None else faults
-    u, w, v, f = (_size(plant, vector) for vector in "uwvf")
+    u, w, v, f = (sizes(*plant.limits(vector)) for vector in "uwvf")
     angle = np.pi * np.geomspace(SLOWEST, 1.0, POINTS)
     none = np.zeros((plant.n_y, plant.n_u + plant.n_w))
     out = []
@@ -83,12 +84,6 @@ def responses(plant, t, seen: Array | None = None, faults: Array | None = None) 
     own = plant.n_u + plant.n_w + plant.n_v
     largest = np.linalg.svd(G[..., :own], compute_uv=False)[..., 0]
     return Responses(angle / (2 * np.pi * T), largest, _least(G[..., own + faults]))
-
-
-def _size(plant, vector: str) -> Array:
-    lo, hi = plant.limits(vector)
-    size = np.maximum(np.abs(lo), np.abs(hi))
-    return np.where(np.isfinite(size) & (size > 0), size, 1.0)
 
 
 def _least(G: Array) -> Array:

@@ -42,7 +42,7 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
     """
     exact = tuple(name for name in own if name != "independent")  # which says nothing of delays
     rooms = _rooms(design, t, HELD)  # before the delays, which rest on tables that hold the plant
-    found = mode_certificate.proved(design.plant, t, cert)
+    found = mode_certificate.proved(bounded(design.plant), t, cert)
     story = ("every story in which a wrong hypothesis lives longer is a linear program without solution: the true mode "
              "and its switch, inputs, measurements and the box of the hypothesis at every sample; a witness is checked "
              "in rational numbers")

@@ -78,19 +78,22 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
         points = hasattr(t, "shape")
         specs = (point_parts.maps(t, names, d.x, d.y) if points else own_places.maps(family, t, names, d) if whole
                  else _maps(family, t, names, d))
+        moved = getattr(t, "told", t)  # tables of the maps
         for spec in specs:
             for q, mode in enumerate(names.modes):
                 if isinstance(spec, Varying):
-                    read_varying(source, spec, t, q, mode, found)
+                    read_varying(source, spec, moved, q, mode, found)
                 else:
                     _read_map(source, spec, q, mode, found)
-        _read_checks(source, d, names.modes, t, found)
+        _read_checks(source, d, names.modes or ("",), t, found)
         if whole:
-            apart = {f for f in source.functions if f.startswith(tuple(spec.name for spec in specs))}
-            apart |= {c.name for c in d.checks}
+            plain = [spec.spec if isinstance(spec, Varying) else spec for spec in specs]
+            apart = {f for f in source.functions if f.startswith(tuple(spec.name for spec in plain))}
+            apart |= {c.name for c in (*d.checks, *d.cuts)}
             if points:
                 read_sets(source, design, d, t, apart | {f"{d.prefix}_cut"}, found)
             else:
+                _read_cuts(source, d, moved, found)
                 own_places.read_own(source, design, d, t, apart, found)
         else:
             _read_ranges(source, d, t, found)
@@ -182,8 +185,8 @@ def _read_checks(source: Source, d, modes: tuple[str, ...], t, found: _Found) ->
                                        "what the tables do not know. Print it again.")
 
 
-def _read_ranges(source: Source, d, t, found: _Found) -> None:
-    """Read the cut and the boxes to start from."""
+def _read_cuts(source: Source, d, t, found: _Found) -> None:
+    """Read the ranges that bounds are cut to."""
     for cut, tables in zip(d.cuts, (t, t.change)):
         machine = Machine(source, d.real, clip=frozenset({f"{d.prefix}_clip"}))
         machine.call(cut.name)
@@ -194,6 +197,11 @@ def _read_ranges(source: Source, d, t, found: _Found) -> None:
                 for side, c in zip(SIDES, machine.clipped[place] if kept else (NOWHERE, NOWHERE)):
                     name = f"{cut.vector}_{side}"
                     found.add(name, "", cut.name, (i,), getattr(tables, name)[i], c)
+
+
+def _read_ranges(source: Source, d, t, found: _Found) -> None:
+    """Read the cut and the boxes to start from."""
+    _read_cuts(source, d, t, found)
     for function, vector in (("init", "x0"), ("whole_range", "x")):
         machine = Machine(source, d.real, skip=apart(d.prefix) | {f"{d.prefix}_clear"})
         machine.call(f"{d.prefix}_{function}")

@@ -23,7 +23,8 @@ from ..errors import CertificateError
 from .descriptor_error import Solved, solved, step
 from .exact import Q, eye, product, rational, zeros
 from .filter_model import JointMode
-from .polytope_bounds import Ranges, Rounding, columns, drift, largest, off_one, reach, rounding, sizes
+from .polytope_bounds import Ranges, columns, drift, largest, reach
+from .polytope_rounding import Rounding, off_one, rounding, sizes
 from .rounding import sum_error
 
 Array = np.ndarray

@@ -78,6 +78,20 @@ def check_joint(t) -> None:
         raise CertificateError("certificate: bounds of parameters differ between modes, expected one for all.")
 
 
+def rooms(t) -> list[tuple]:
+    """Room for S x of the framers' bounds in each row, and what rounding needs of it: (float, fmpq)."""
+    unit, n = Q(np.finfo(t.real).eps) / 2, len(t.S)
+    gamma = (n + 2) * unit / (1 - (n + 2) * unit)
+    tiny = 4 * (n + 2) * Q(np.finfo(t.real).smallest_subnormal)
+    out = []
+    for row, rounded, room in zip(t.S, t.S_rounded, t.xi_room):
+        need = tiny + gamma * Q(room)
+        for a, b, x in zip(row, rounded, t.told.box):
+            need += (abs(Q(a) - Q(b)) + gamma * abs(Q(b))) * Q(x)
+        out.append((room, need))
+    return out
+
+
 def check_coordinates(t) -> None:
     """Check that the bounds of S x, computed from those of x, hold it with all rounding.
 
@@ -86,13 +100,7 @@ def check_coordinates(t) -> None:
     CertificateError
         Naming the row.
     """
-    unit, n = Q(np.finfo(t.real).eps) / 2, len(t.S)
-    gamma = (n + 2) * unit / (1 - (n + 2) * unit)
-    tiny = 4 * (n + 2) * Q(np.finfo(t.real).smallest_subnormal)
-    for i, (row, rounded, room) in enumerate(zip(t.S, t.S_rounded, t.xi_room)):
-        need = tiny + gamma * Q(room)
-        for a, b, x in zip(row, rounded, t.told.box):
-            need += (abs(Q(a) - Q(b)) + gamma * abs(Q(b))) * Q(x)
+    for i, (room, need) in enumerate(rooms(t)):
         if not need <= Q(room):
             raise CertificateError(f"certificate: xi_room[{i}] is {float(room):.9g}, at least "
                                    f"{float(fmpq(need)):.9g} expected. Design again.")

@@ -19,7 +19,7 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
 from independent import UNIT, demand, exact, mul, read_plant, rounding, size, sub  # noqa: E402 - stands beside this file
-from independent_period import LOSS, Plant  # noqa: E402
+from independent_period import LOSS, Plant, Steps  # noqa: E402
 from independent_sets import magnitudes, times  # noqa: E402
 from independent_source import TABLE, flat, functions, numbers  # noqa: E402
 
@@ -97,8 +97,7 @@ class Tables:
         where = f"{self.modes[i]['name']} to {self.modes[j]['name']}"
         J, J_u, shift, R, R_u, reach, birth = (exact(t[k][i][j]) for k in PAIRS)
         least, most, later = self.plant.jumps(i, j)
-        both = [max(a, b) for a, b in zip(self.plant.half[i], self.plant.half[j])]
-        added = self.plant.reached(j, both, self.plant.S)
+        added = self.plant.reached(j, self.plant.largest(i, j), self.plant.S)
         for r in range(n):
             middle = J[r] + J_u[r] + [shift[r]]
             far = [max(abs(a - c), abs(b - c)) for a, b, c in zip(least[r], most[r], middle)]
@@ -113,37 +112,59 @@ class Tables:
             self.holds(f"birth {where}, row {r}, ", [birth[r]], [need])
 
 
-def check_source(text, header, t, prefix):
-    """Every table of the C is one of the design's, and each of these is there; no other number, the oldest age."""
+def check_boxes(modes, ranges, box0, period, t, known=None):
+    """Everything about the boxes of one number type; returns the enclosed plant, to be ``known`` where S is the same.
+
+    A plant without a period is a discrete one.
+    """
+    S = exact(t["S"])
+    plant = known if known and S == known.S else Plant(modes, S, period) if period else Steps(modes, S)
+    tables = Tables(modes, t, plant)
+    tables.starts(ranges, box0)
+    tables.answers(ranges)
+    for j in range(len(modes)):
+        lost, sums = tables.step(j)
+        for i in (i for i in range(len(modes)) if i != j):
+            tables.birth(i, j, lost, sums)
+    return plant
+
+
+def check_source(text, header, t, prefix, more=None):
+    """Every table of the C is one of the design's, and each of these is there; no other number, the oldest age.
+
+    ``more`` are tables that not every estimator has.
+    """
     real, text = t["real"], re.sub(r"/\*.*?\*/", "", text, flags=re.S)
     between = [(i, j) for i in range(len(t["J"])) for j in range(len(t["J"])) if i != j]
     known = {k: flat([t[k][i][j] for i, j in between] if k in PAIRS else t[k]) for k in PRINTED}
     known |= {"D": flat(t["D"])} if any(flat(t["D"])) else {}
-    bodies = [numbers(body, real) for body in re.findall(TABLE, text, re.S)]
+    known |= more or {}
+    given = functions(text, prefix, "[uy]_accepted")
+    others = functions(text, prefix, r"(?![uy]_accepted)\w+")
+    bodies = [numbers(body, real) for body in re.findall(TABLE, others, re.S)]
     for body in bodies:
         demand(body in known.values(), f"a table of the C is none of the design's: {[float(x) for x in body][:3]}")
     for name, values in known.items():
         demand(values in bodies or not values, f"{name} is missing in the C")
-    bounds = numbers(functions(text, prefix, "[uy]_accepted"), real)
-    demand(sorted(bounds) == sorted(flat([t[k] for k in ("u_lo", "u_hi", "y_lo", "y_hi")])), "ranges that are accepted")
-    rest = functions(re.sub(TABLE, "", text, flags=re.S), prefix, r"(?![uy]_accepted)\w+")
-    demand(not set(numbers(rest, real)) - {F(0)}, "the C holds a number that no table does")
+    ranges = flat([t[k] for k in ("u_lo", "u_hi", "y_lo", "y_hi")])
+    demand(sorted(numbers(given, real)) == sorted(ranges), "ranges that are accepted")
+    rest = numbers(re.sub(TABLE, "", others, flags=re.S), real)
+    demand(not set(rest) - {F(0)}, "the C holds a number that no table does")
     demand(re.findall(r"#define \w+_(?:AGES|OLDEST) (\d+)U", header) == [str(t["ages"] + 1), str(t["ages"])], "ages")
+
+
+def period_of(design):
+    """Sampling period of a continuous plant."""
+    time = tomllib.loads(design["plant"]["toml"])["time"]
+    return F(float(time["sample_period"])) if time["kind"] == "continuous" else None
 
 
 def main(folder, design, record):
     """Check a folder of a mode estimator."""
     modes, ranges, box0 = read_plant(design["plant"]["toml"])
-    period, plant = F(float(tomllib.loads(design["plant"]["toml"])["time"]["sample_period"])), None
+    plant = None
     for real, t in design["tables"].items():
-        plant = plant if plant and exact(t["S"]) == plant.S else Plant(modes, exact(t["S"]), period)
-        tables = Tables(modes, t, plant)
-        tables.starts(ranges, box0)
-        tables.answers(ranges)
-        for j in range(len(modes)):
-            lost, sums = tables.step(j)
-            for i in (i for i in range(len(modes)) if i != j):
-                tables.birth(i, j, lost, sums)
+        plant = check_boxes(modes, ranges, box0, period_of(design), t, plant)
         demand(design["certificate"][real]["ages"] == t["ages"] < design["certificate"][real]["dwell"], "oldest age")
         print(f"proved for {real}: true mode and state are in the boxes with rounding; delays are not checked here")
     text, header = ((folder / f"{record['prefix']}.{end}").read_text() for end in "ch")

@@ -117,34 +117,43 @@ def signed(push, cert):
     demand(cert["kind"] != "linf", "a Lyapunov inequality per framer, M mixes both errors")
 
 
+def check_framers(t, cert, given, boxes, signals, h, late, tnl):
+    """Framers with parameters, of one number type, and their claims."""
+    both = t["vary"]["midpoint"]
+    known = [j for j, s in enumerate(signals["theta"]) if s.get("measured", True)]
+    demand(t["vary"]["columns"] == known and t["vary"]["late"] == late and t["clamp"], "what is measured")
+    demand(not both or (h is not None and tnl and known and all(
+        "rate" in signals["theta"][j] for j in known) and all(m["theta"] == given[0]["theta"] for m in given)),
+        "the mean of both ends is no measure of the parameters")
+    for name, box in boxes.items():
+        for lo, hi, (a, b), z in zip(t[name + "_lo"], t[name + "_hi"], box, t["box"]):
+            demand(F(lo) <= F(float(a)) and F(hi) >= F(float(b)) and max(-lo, hi) <= z, f"box {name} too small")
+    modes = [Mode(p, t, q, transition(p, signals, h, both), both) for q, p in enumerate(given)]
+    at, push, theta2 = check_tables(modes, t, late)
+    if "change" in t:
+        check_change(t, cert)
+    grown = {f"{k}_{s}": [mag(A) if k == "M" else A for m in modes for A in m.corners(k)]
+             for k in "MGLN" for s, _ in SIDES} | ({"G_lo": None} if late else {})  # late: no width
+    if any(x < 0 for M in t["M_hi"] for row in M for x in row):
+        signed(push, cert)
+    spread = {f"P_{s}": [cert[f"P_{s}"][q] for q in at] for s, _ in SIDES if f"P_{s}" in cert}
+    plain.check_claims([given[q] for q in at], t | grown, cert | spread, push, theta2)
+
+
+def check_source(text, t):
+    """The C holds the constants of the tables, slopes and radii among them."""
+    v = {k: x for k, x in t["vary"].items() if isinstance(x, list) and k not in ("columns", "products", "paced")}
+    v |= {k: x for k, x in t.get("change", {}).items() if k != "box"}
+    plain.check_source(text, t | {"M_hi": [t["M_hi"], *v.values()], "half": [0.5] * t["vary"]["midpoint"]})
+
+
 def main(folder, design, record):
     """Check a folder."""
     given, boxes, signals, h, late = read_plant(design["plant"]["toml"])
     for real, t in design["tables"].items():
-        both, cert = t["vary"]["midpoint"], design["certificate"][real]
-        known = [j for j, s in enumerate(signals["theta"]) if s.get("measured", True)]
-        demand(t["vary"]["columns"] == known and t["vary"]["late"] == late and t["clamp"], "what is measured")
-        demand(not both or (h is not None and design["family"] == "tnl" and known and all(
-            "rate" in signals["theta"][j] for j in known) and all(m["theta"] == given[0]["theta"] for m in given)),
-            "the mean of both ends is no measure of the parameters")
-        for name, box in boxes.items():
-            for lo, hi, (a, b), z in zip(t[name + "_lo"], t[name + "_hi"], box, t["box"]):
-                demand(F(lo) <= F(float(a)) and F(hi) >= F(float(b)) and max(-lo, hi) <= z, f"box {name} too small")
-        modes = [Mode(p, t, q, transition(p, signals, h, both), both) for q, p in enumerate(given)]
-        at, push, theta2 = check_tables(modes, t, late)
-        if "change" in t:
-            check_change(t, cert)
-        grown = {f"{k}_{s}": [mag(A) if k == "M" else A for m in modes for A in m.corners(k)]
-                 for k in "MGLN" for s, _ in SIDES} | ({"G_lo": None} if late else {})  # late: no width
-        if any(x < 0 for M in t["M_hi"] for row in M for x in row):
-            signed(push, cert)
-        spread = {f"P_{s}": [cert[f"P_{s}"][q] for q in at] for s, _ in SIDES if f"P_{s}" in cert}
-        plain.check_claims([given[q] for q in at], t | grown, cert | spread, push, theta2)
+        cert = design["certificate"][real]
+        check_framers(t, cert, given, boxes, signals, h, late, design["family"] == "tnl")
         print(f"proved for {real}: containment with rounding{', of the continuous plant at its samples' if h else ''}, "
               f"for every parameter in its box, {cert['kind']} claim")
-    t = design["tables"][record["real"]]
-    v = {k: x for k, x in t["vary"].items() if isinstance(x, list) and k not in ("columns", "products", "paced")}
-    v |= {k: x for k, x in t.get("change", {}).items() if k != "box"}
-    plain.check_source((folder / f"{record['prefix']}.c").read_text(), t | {
-        "M_hi": [t["M_hi"], *v.values()], "half": [0.5] * t["vary"]["midpoint"]})
+    check_source((folder / f"{record['prefix']}.c").read_text(), design["tables"][record["real"]])
     print(f"the constants of {record['prefix']}.c are those of the {record['real']} tables")

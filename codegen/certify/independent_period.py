@@ -90,6 +90,10 @@ class Plant:
             total = [a + b for a, b in zip(total, times(magnitudes(mul(S, power)), times(near, half)))]
         return [a * self.h + LOSS * (1 + self.T * sum(half)) for a in total]
 
+    def largest(self, i, j):
+        """Bounds of w~ while mode i or j is active."""
+        return [max(a, b) for a, b in zip(self.half[i], self.half[j])]
+
     def jumps(self, i, j):
         """Ends of T f(t) over the period as a map of [xi; u; 1], and what disturbances before t add."""
         if (i, j) not in self.known:
@@ -120,3 +124,30 @@ class Plant:
             moved = times(wide, times(magnitudes([row[:n] for row in change]), before))
             later = [max(a, T * b + max(c)) for a, b, c in zip(later, moved, grid)]
         return least, most, later
+
+
+class Steps:
+    """The same of a discrete plant: a step belongs to one mode, and a switch adds nothing."""
+
+    def __init__(self, modes, S):
+        self.modes, self.S, n = modes, S, len(S)
+        self.W, self.half = [], []
+        for p in modes:
+            mean = times(p["Bw"], [(a + b) / 2 for a, b in p["w"]])
+            self.W.append((None, None, None, [a + b + [m] for a, b, m in zip(p["A"], p["B"], mean)]))
+            self.half.append(times(magnitudes(p["Bw"]), [(b - a) / 2 for a, b in p["w"]]))
+        wide, back = len(self.W[0][3][0]), inverse(S)
+        self.V = [[F(i == j) if max(i, j) >= n else back[i][j] for j in range(wide)] for i in range(wide)]
+
+    def reached(self, q, half, S):
+        """Bounds of |S w~| of one step."""
+        return times(magnitudes(S), half)
+
+    def largest(self, i, j):
+        """Bounds of w~ in the step of the new mode."""
+        return self.half[j]
+
+    def jumps(self, i, j):
+        """Nothing is added."""
+        n, wide = len(self.S), len(self.V)
+        return [[F(0)] * wide] * n, [[F(0)] * wide] * n, [F(0)] * n

@@ -76,6 +76,8 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
                **({"switches": "at samples"} if plant.kind == "discrete" else {})}
 
 
+#: Tables of framers that an estimator drives: no delay rests on them.
+FRAMERS = ("told", "S_rounded", "xi_room")
 #: Delays by what they follow from: a folder's design is proved more than once in one run.
 _KNOWN: dict[str, ModeDelays] = {}
 
@@ -99,7 +101,8 @@ def proved(plant, t, cert: dict) -> ModeDelays:
     """
     claims = Claims(t, plant.limits("x"), plant.limits("u"), cert["dwell"], cert["horizon"])
     rests = [*(cert[name] for name in ("widths", "old", "dwell", "horizon")), "restart" in cert]
-    key = digest(t.to_dict(), rests, [side.tolist() for side in (*claims.x, *claims.u)])
+    own = {name: value for name, value in t.to_dict().items() if name not in FRAMERS}
+    key = digest(own, rests, [side.tolist() for side in (*claims.x, *claims.u)])
     if key not in _KNOWN:
         old = {(i, j): cert["old"][i][j] - 1 for i, j in claims.pairs}
         found = claims.again(np.array(cert["widths"]), old, "restart" in cert)

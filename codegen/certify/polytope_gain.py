@@ -22,6 +22,7 @@ Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, Theorems 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -33,6 +34,25 @@ from .exact import Q, eye, leading_failure, product, rational, zeros
 from .polytope_error import ErrorModel, direct_errors, standard_errors
 
 Array = np.ndarray
+
+
+def squared_level(proof: dict) -> fmpq:
+    """The square of the level that a proof is about, not above that of the level which is claimed.
+
+    Parameters
+    ----------
+    proof : dict
+        "level2", "gamma".
+
+    Raises
+    ------
+    CertificateError
+    """
+    level = Q(proof["level2"])
+    if level < 0 or Q(proof["gamma"]) ** 2 < level or Q(proof["gamma"]) < 0:
+        raise CertificateError(f"certificate: gamma {proof['gamma']:.9g} is claimed, its square is {float(level):.9g} "
+                               "(found), expected gamma^2 at least that.")
+    return level
 
 
 def errors_of(problem, gains, proof: dict) -> ErrorModel:
@@ -78,10 +98,7 @@ def check(problem, gains, proof: dict) -> list[str]:
     CertificateError
         Naming pair and condition.
     """
-    model, level = errors_of(problem, gains, proof), Q(proof["level2"])
-    if level < 0 or Q(proof["gamma"]) ** 2 < level or Q(proof["gamma"]) < 0:
-        raise CertificateError(f"certificate: gamma {proof['gamma']:.9g} is claimed, its square is {float(level):.9g} "
-                               "(found), expected gamma^2 at least that.")
+    model, level = errors_of(problem, gains, proof), squared_level(proof)
     if proof["time"] not in ("continuous", "discrete"):
         raise CertificateError(f"certificate: time {proof['time']!r} (found), expected continuous or discrete.")
     judge = continuous if proof["time"] == "continuous" else discrete
@@ -142,6 +159,29 @@ def discrete(names, model: ErrorModel, proof: dict, level: fmpq) -> list[str]:
     ------
     CertificateError
     """
+    words = {"level": f"the level {float(level) ** 0.5:.6g} fails",
+             "contraction": f"the contraction {proof['contraction']:.6g} fails"}
+    for kind, i, j, S in discrete_inequalities(model, proof, level):
+        refuse(S, names, i, j, words[kind])
+    steps = "" if proof.get("period") is None else f"; the plant by Euler steps of {proof['period']:.6g} s"
+    return [f"the error of the estimate shrinks at least by {proof['contraction']:.6g} per sample where nothing "
+            f"drives it{steps}"]
+
+
+def discrete_inequalities(model: ErrorModel, proof: dict, level: fmpq) -> Iterator[tuple[str, int | None, int, Array]]:
+    """Yield what must be negative definite in discrete time: "level" or "contraction", both vertices, the matrix.
+
+    Parameters
+    ----------
+    model : ErrorModel
+    proof : dict
+    level : fmpq
+
+    Raises
+    ------
+    CertificateError
+        P1, P2, R or the contraction are none.
+    """
     P1, P2 = (_positive(proof[key], key, len(model.E)) for key in ("P1", "P2"))
     n, R = len(model.E), rational(np.array(proof["R"], dtype=float).reshape(-1, model.S.shape[1]))
     before, own = (product(product(E.T, P), E) for E, P in ((model.E, P2), (model.Ee, P1)))
@@ -160,7 +200,7 @@ def discrete(names, model: ErrorModel, proof: dict, level: fmpq) -> list[str]:
         if model.ties:
             zero = _tied(free["Re"], model.ties[i, j])
             M = M + zero + zero.T
-        refuse(_inequality(M, model, level), names, i, j, f"the level {float(level) ** 0.5:.6g} fails")
+        yield "level", i, j, _inequality(M, model, level)
     factor = Q(proof["contraction"])
     if factor < 0:
         raise CertificateError(f"certificate: contraction {proof['contraction']} (found), expected at least 0.")
@@ -170,10 +210,7 @@ def discrete(names, model: ErrorModel, proof: dict, level: fmpq) -> list[str]:
         if ties:
             zero = _tied(free["Rc"], ties[j])
             M = M + zero + zero.T
-        refuse(M, names, None, j, f"the contraction {proof['contraction']:.6g} fails")
-    steps = "" if proof.get("period") is None else f"; the plant by Euler steps of {proof['period']:.6g} s"
-    return [f"the error of the estimate shrinks at least by {proof['contraction']:.6g} per sample where nothing "
-            f"drives it{steps}"]
+        yield "contraction", None, j, M
 
 
 def _tied(R: Array, tie: Array) -> Array:

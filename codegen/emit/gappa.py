@@ -10,8 +10,9 @@ is given for it; of a filter or of boxes, what thresholds or tables hold.
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +22,16 @@ from ..certify.filter_model import rounding_of
 from ..certify.rounding import input_error
 from ..certify.sets import SetDemands
 from ..certify.variation import pace_rounding
-from . import families, filter_parts, gappa_boxes, gappa_sums, point_parts
+from . import (
+    driven_parts,
+    families,
+    filter_parts,
+    gappa_boxes,
+    gappa_pairs,
+    gappa_polytopic,
+    gappa_sums,
+    point_parts,
+)
 from .gappa_sums import SIDES, Magnitude, Sum
 from .maps import MapSpec, Names
 from .varying import Varying
@@ -36,6 +46,14 @@ ABOUT_FILTERS = ("operation rounded and once exact. What they may differ by is t
                  "for the rounding of this sum, at every sample. All layouts calculate these sums: a")
 ABOUT_BOXES = ("operation rounded and once exact. What they may differ by is the margin: what the boxes gain for the",
                "rounding of this sum, in every period. All layouts calculate these sums: a")
+ABOUT_PAIRS = ("operation rounded and once exact. What they may differ by is the margin: what offsets and bounds of",
+               "the noise hold for the rounding of this sum, at every sample. All layouts calculate these sums: a")
+ABOUT_POLYTOPIC = ("operation rounded and once exact. What they may differ by is the margin: what the thresholds hold",
+                   "for the rounding of this sum, weights being numbers in [0, 1]. All layouts calculate these sums: a")
+ABOUT_DRIVEN = ("operation rounded and once exact. What they may differ by is the margin: of the framers what their",
+                "offsets leave over, of the boxes what they gain for the rounding of this sum. All layouts calculate",
+                "these sums: a")
+OWN = r"\bm_(?=\d)"  # max(-x_lo, x_hi) of framers; boxes have one, too
 LAST = "Last in a residual the measurement is subtracted: that keeps the sign, which is what an alarm looks at."
 LAST_POINTS = "A comparison with a bound looks at the sign of a difference, which rounding keeps."
 
@@ -113,11 +131,24 @@ def rounding(design, d: DesignView) -> RoundingView:
     t = design.observer.tables[d.real]
     names = Names(d.prefix, d.macro, d.real, tuple(m.name for m in d.modes), tuple(m.macro for m in d.modes))
     if d.sets:
-        about = _of_points if hasattr(t, "shape") else {"filter": _of_filter, "mode": _of_boxes}[d.family]
-        modes = (design.plant if d.family == "mode" else design.plant.observed).modes
+        if d.family == "polytopic":
+            return _of_polytopic(design.plant, t, d)
+        if d.family == "driven":
+            return _of_driven(design.plant, t, names, d)
+        about = _of_points if hasattr(t, "shape") else {"filter": _of_filter, "mode": _of_boxes,
+                                                        "sliding": _of_pairs}[d.family]
+        modes = (design.plant if d.family in ("mode", "sliding") else design.plant.observed).modes
         return about(modes, t, names, d)
     specs = (*families.specs(design.observer.family, t, names, d.x, d.y), *families.change_specs(t, names, d.x))
-    exact = Containment(design.plant.observed.modes, t)
+    rows, computed = _of_framers(design.plant.observed.modes, t, names, specs)
+    operands = dict.fromkeys(operand for spec in specs for operand in gappa_sums.operands(spec, t))
+    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in operands), computed, rows,
+                        float(np.finfo(t.dtype).max).hex(), ABOUT, LAST)
+
+
+def _of_framers(modes, t, names: Names, specs) -> tuple[tuple[Row, ...], tuple[Computed, ...]]:
+    """State the sums of framers; the margin of each is what its offset leaves."""
+    exact = Containment(modes, t)
     margins, rows, magnitudes = _margins(exact), [], {}
     for spec in specs:
         plain = spec.spec if isinstance(spec, Varying) else spec
@@ -126,10 +157,7 @@ def rounding(design, d: DesignView) -> RoundingView:
             rows += _rows(plain, side, i, sums, margins)
             magnitudes |= {m: q for q, found in enumerate(sums) for m in found.magnitudes}
     computed = [_coefficient(exact, names, m, q) for m, q in magnitudes.items()]
-    operands = dict.fromkeys(operand for spec in specs for operand in gappa_sums.operands(spec, t))
-    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in operands), tuple(c for c, _ in computed),
-                        (*rows, *(row for _, row in computed), *_parameters(d.prefix, t)),
-                        float(np.finfo(t.dtype).max).hex(), ABOUT, LAST)
+    return (*rows, *(row for _, row in computed), *_parameters(names.prefix, t)), tuple(c for c, _ in computed)
 
 
 def _of_points(modes, t, names: Names, d: DesignView) -> RoundingView:
@@ -163,6 +191,40 @@ def _of_boxes(modes, t, names: Names, d: DesignView) -> RoundingView:
     rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in gappa_boxes.sums(modes, t, names.prefix))
     return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in gappa_boxes.operands(t)), (), rows,
                         float(np.finfo(t.dtype).max).hex(), ABOUT_BOXES, LAST_POINTS)
+
+
+def _of_pairs(modes, t, names: Names, d: DesignView) -> RoundingView:
+    """State the sums of an estimator by sliding modes; the margin of each is what its offsets hold for the rounding."""
+    rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in gappa_pairs.sums(modes, t, names.prefix))
+    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in gappa_pairs.operands(t)), (), rows,
+                        float(np.finfo(t.dtype).max).hex(), ABOUT_PAIRS, LAST_POINTS)
+
+
+def _of_polytopic(plant, t, d: DesignView) -> RoundingView:
+    """State the sums of a polytopic observer; the margin of each is what its thresholds hold for the rounding."""
+    sums, operands = gappa_polytopic.stated(plant, t, d.prefix)
+    rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in sums)
+    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in operands), (), rows,
+                        float(np.finfo(t.dtype).max).hex(), ABOUT_POLYTOPIC, LAST_POINTS)
+
+
+def _of_driven(plant, t, names: Names, d: DesignView) -> RoundingView:
+    """State the sums of the estimator, of the framers of every mode, and of S x."""
+    specs = driven_parts.maps(t.told, names, d.x, d.y)
+    rows, computed = _of_framers(plant.observed.modes, t.told, names, specs)
+    boxes = itertools.chain(gappa_boxes.sums(plant.modes, t, names.prefix), gappa_boxes.narrowed(t, names.prefix))
+    rows = (*(_row(s.name, s.note, s.terms, s.margin) for s in boxes), *(_own_magnitudes(row) for row in rows))
+    operands = {name: ends for name, *ends in gappa_boxes.operands(t)}
+    for name, *ends in (operand for spec in specs for operand in gappa_sums.operands(spec, t.told)):
+        operands.setdefault(re.sub(OWN, r"frame_\g<0>", name), ends)  # what is accepted, is by both
+    return RoundingView(FORMAT[d.real], tuple(Operand(name, *ends) for name, ends in operands.items()), computed, rows,
+                        float(np.finfo(t.dtype).max).hex(), ABOUT_DRIVEN, LAST_POINTS)
+
+
+def _own_magnitudes(row: Row) -> Row:
+    """Call the magnitudes of framers otherwise than those of boxes."""
+    terms, exact = (tuple(re.sub(OWN, r"frame_\g<0>", text) for text in part) for part in (row.terms, row.exact))
+    return replace(row, terms=terms, exact=exact)
 
 
 def _margins(exact: Containment) -> dict[tuple[str, int, str], list[float]]:

@@ -73,6 +73,30 @@ def sums(modes, t, prefix: str) -> Iterator[BoxSum]:
                          tuple(terms), room.born(p, q, i))
 
 
+def narrowed(t, prefix: str) -> Iterator[BoxSum]:
+    """State what framers make of S x, which boxes are cut to.
+
+    Parameters
+    ----------
+    t : DrivenTables
+    prefix : str
+
+    Yields
+    ------
+    BoxSum
+        Of the numbers s->x_lo and s->x_hi of framers.
+    """
+    n = len(t.xi_room)
+    gamma = (n + 2) * UNIT[t.real] / (1 - (n + 2) * UNIT[t.real])
+    tiny = 4 * (n + 2) * Q(np.finfo(t.real).smallest_subnormal)
+    for i, row in enumerate(t.S_rounded):
+        size = sum((abs(Q(a)) * Q(b) for a, b in zip(row, t.told.box)), Q(t.xi_room[i]))
+        for side in SIDES:
+            terms = [*_image(row, side, "s_x"), _number(_outward(t.xi_room[i], side))]
+            yield BoxSum(f"{prefix}_narrowed_{side}_{i}", f"xi[{i}] of framers, {side}", _join(terms),
+                         down(gamma * size + tiny))
+
+
 def operands(t) -> Iterator[tuple[str, str, str]]:
     """Name every number that the sums read, with the ends of its range."""
     for vector in "uy":
@@ -145,10 +169,10 @@ def _row(row: Array, operand: str) -> list[str]:
     return [_product(c, f"{operand}_{j}") for j, c in enumerate(row) if c != 0]
 
 
-def _image(row: Array, side: str) -> list[str]:
+def _image(row: Array, side: str, of: str = "s") -> list[str]:
     """Each coefficient takes the end that its sign asks for."""
     other = SIDES[1 - SIDES.index(side)]
-    return [_product(c, f"s_{side if c >= 0 else other}_{k}") for k, c in enumerate(row) if c != 0]
+    return [_product(c, f"{of}_{side if c >= 0 else other}_{k}") for k, c in enumerate(row) if c != 0]
 
 
 def _carried(t, q: int, i: int, side: str) -> list[str]:

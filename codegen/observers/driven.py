@@ -78,7 +78,6 @@ class DrivenObserver(ModeObserver):
 
     family = "driven"
     tables_class = DrivenTables
-    stated = False
 
     def start(self, t: DrivenTables, runs: int, x0_lo: Array | None = None, x0_hi: Array | None = None) -> None:
         """Set all runs to the initial box (``<p>_init``)."""

@@ -34,7 +34,7 @@ from .polytopic_tables import PolytopicTables
 from .runner import Runner, pack
 from .supervisor import SupervisorState, judge, undisturbed
 from .thresholds import refuse
-from .trace import Rows
+from .trace import Rows, blank
 
 Array = np.ndarray
 
@@ -84,9 +84,7 @@ class PolytopicTrace(Rows):
     @classmethod
     def empty(cls, shape: tuple[int, ...], n_x: int, n_y: int, dtype) -> PolytopicTrace:
         """Allocate for runs of the given leading shape, e.g. (K,) or (S, K)."""
-        real = [np.full((*shape, n), np.nan, dtype=dtype) for n in (n_x, n_y, n_y)]
-        bits, words = ([np.zeros(shape, dtype=np.uint32) for _ in range(n)] for n in (3, 2))
-        return cls(*real, np.zeros(shape, bool), *bits, np.zeros(shape, bool), np.zeros(shape, dtype=np.int64), *words)
+        return cls(*blank(shape, (n_x, n_y, n_y), dtype, 2))
 
     def words(self) -> list[Array]:
         """The fields that other families do not have, in their order."""
@@ -99,7 +97,6 @@ class PolytopicObserver(Runner):
     family = "polytopic"
     tables_class = PolytopicTables
     trace_class = PolytopicTrace
-    stated = False
     advance = staticmethod(step)
 
     def empty(self, t, shape: tuple[int, ...]) -> PolytopicTrace:

@@ -135,6 +135,8 @@ SETS = {"set": ("zonotope", "ellipsoid", "interval"), "order": (2, 200),
         "tables": ("none", "schedule", "dwell", "arbitrary"), "rows": (1, 200), "stages": (3, 50),
         "directions": (2, 64), "weights": ("fixed", "trace"),
         "membership": ("auto", "exact", "directions"), "gains": dict}
+#: Options of those among them that find the mode themselves.
+FINDING = {"modes": ("set",), **mode_set.OPTIONS}
 
 
 def known_options(methods: list[str]) -> dict:
@@ -142,7 +144,7 @@ def known_options(methods: list[str]) -> dict:
     known: dict = {}
     for name in methods:
         entry = METHODS[name]
-        own = OPTIONS if entry.framers else (SETS if entry.sets else {}) | entry.module.OPTIONS
+        own = OPTIONS if entry.framers else (SETS | FINDING if entry.sets else {}) | entry.module.OPTIONS
         for key, allowed in own.items():
             words = isinstance(allowed, tuple) and isinstance(allowed[0], str)
             known[key] = tuple(dict.fromkeys((*known.get(key, ()), *allowed))) if words else allowed

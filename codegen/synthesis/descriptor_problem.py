@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 
 from ..algebra.admissibility import left_kernel
+from ..algebra.interval import sizes
 from ..algebra.pencil import finite_eigenvalues, rank
 
 Array = np.ndarray
@@ -254,17 +255,6 @@ def kernel_of(E: Array) -> Array:
     E : ndarray (n, n)
     """
     return np.array([[float(x) for x in row] for row in left_kernel(E)]).reshape(len(E), -1)
-
-
-def sizes(lo: Array, hi: Array) -> Array:
-    """Largest magnitude of each range; 1 where there is none.
-
-    Parameters
-    ----------
-    lo, hi : ndarray (n,)
-    """
-    size = np.maximum(np.abs(lo), np.abs(hi))
-    return np.where(np.isfinite(size) & (size > 0), size, 1.0)
 
 
 def pairs_of(plant, exact=()) -> tuple[tuple[int, int], ...]:

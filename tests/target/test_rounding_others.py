@@ -1,20 +1,28 @@
-"""The scripts of filters and mode estimators are about the sums that the reference calculates, with ==."""
+"""Scripts of all families but framers and point observers are about the sums that the reference calculates, with ==."""
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers import driven, small_sliding
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import PLANTS, stand_in
 from target.test_gappa import REALS, evaluate, fraction, script_of
 
 from codegen.certify.exact import Q
+from codegen.certify.fault_bounds import slips
 from codegen.certify.filter_model import joint, rounding_of
+from codegen.certify.polytope_rounding import rounding as rounding_bounds
 from codegen.designs import read_design
 from codegen.observers.filter import add_terms
+from codegen.observers.framer import open_loop, propagate, scheduled
 from codegen.observers.mode_set import ModeSet, affine, image
+from codegen.observers.polytopic_step import evaluate as evaluate_program
+from codegen.observers.polytopic_step import step
+from codegen.observers.sliding import carried
 
 ROW = r'(?m)^# [^\n]*: margin [^\n]*\n(\w+) r=$'
 FILTERS = [f for f in OTHERS if family_of(f) == "filter"]
@@ -51,10 +59,46 @@ def test_script_of_a_filter_is_about_the_sums_of_the_reference(folder, real):
     assert checked == len(design.plant.modes) * (len(t.limit) + t.K.shape[1])
 
 
+POLYTOPIC = [f for f in OTHERS if family_of(f) == "polytopic"]
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("folder", POLYTOPIC, ids=lambda f: f.name)
+def test_script_of_a_polytopic_observer_is_about_the_sums_of_the_reference(folder, real):
+    """Put one into the other, the sums make a whole step; each margin is a part of what the thresholds hold."""
+    design, rng, number = read_design(folder), np.random.default_rng(5), np.dtype(real).type
+    t, text, prefix = design.observer.tables[real], script_of(design, real), design.plant.target.prefix
+    z, y, u = (rng.uniform(lo, hi).astype(real) for lo, hi in ((t.z_lo, t.z_hi), (t.y_lo, t.y_hi), (t.u_lo, t.u_hi)))
+    x_hat, r, _, after = step(t, z[None], u[None], y[None], np.zeros((1, 0), real), np.array([True]))
+    weights = np.array([w[0] for w in evaluate_program(t.weights, [*x_hat.T, *u[None].T], real)[:-1]], real)
+    known = slips(t, design.plant.polytope.premises).size if t.known.size else ()
+    held = rounding_bounds(t, known)
+    values = {f"{s}_{j}": a for s, row in (("z", z), ("y", y), ("u", u), ("x_hat", x_hat[0]), ("r", r[0]),
+                                           ("h", weights), ("g", weights[len(t.F):])) for j, a in enumerate(row)}
+    names = re.findall(ROW, text)
+    for name in (n for n in names if "_vertex_" in n):
+        values["v_" + name.partition("_vertex_")[2]] = evaluate(text, name, values, number)
+    expected = {"estimate": (x_hat[0], held.x_hat), "residual": (r[0], held.r), "move": (after[0], held.z)}
+    for name in (n for n in names if "_vertex_" not in n):
+        which, i = name.removeprefix(f"{prefix}_").split("_")
+        margin = Q(float.fromhex(re.search(rf"exact_{name}\| <= (\S+)", text)[1]))
+        assert evaluate(text, name, values, number) == expected[which][0][int(i)], name
+        assert 0 < margin <= expected[which][1][int(i)]
+    stated = {name.removeprefix(f"{prefix}_").rpartition("_")[0] for name in names}
+    assert {"estimate", "residual", "move"} <= stated and sum("_move_" in n for n in names) >= len(z) - 1
+
+
 @pytest.mark.parametrize("real", REALS)
 @pytest.mark.parametrize("plant", PLANTS)
 def test_script_of_a_mode_estimator_is_about_the_sums_of_the_reference(plant, real):
     design, rng = stand_in(plant, 3), np.random.default_rng(4)
+    names, expected, values, text, prefix = boxes_of(design, real, rng)
+    assert {f"{prefix}_{name}" for name in expected} == set(names) and len(names) == len(expected)
+    agree(text, prefix, expected, values, real)
+
+
+def boxes_of(design, real, rng):
+    """Names of the script; the sums of boxes, and the numbers that they read."""
     t, text, run = design.observer.tables[real], script_of(design, real), ModeSet(design.observer.tables[real])
     lo, hi = np.sort(rng.uniform(-t.limit, t.limit, (2, len(t.limit))), axis=0).astype(real)
     u, y = (rng.uniform(a, b).astype(real) for a, b in ((t.u_lo, t.u_hi), (t.y_lo, t.y_hi)))
@@ -77,8 +121,33 @@ def test_script_of_a_mode_estimator_is_about_the_sums_of_the_reference(plant, re
             radius = affine(affine(t.J_reach[p, q], t.J_u_radius[p, q], np.abs(u)), t.J_radius[p, q], size)
             row = (base[0] + (added - radius)) - t.birth[p, q]
             expected |= {f"born_{i}_modes_{p}_{q}": v for i, v in enumerate(row)}
-    names = re.findall(ROW, text)
+    return re.findall(ROW, text), expected, values, text, prefix
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("plant", PLANTS)
+def test_script_of_sliding_modes_is_about_the_sums_of_the_reference(plant, real):
+    design, rng = small_sliding.stand_in(plant), np.random.default_rng(5)
+    t, text = design.observer.tables[real], script_of(design, real)
+    lo, hi = np.sort(rng.uniform(-t.limit, t.limit, (2, len(t.limit))), axis=0).astype(real)
+    u, y = (rng.uniform(a, b).astype(real) for a, b in ((t.u_lo, t.u_hi), (t.y_lo, t.y_hi)))
+    seen = affine(y, -t.D, u)
+    values = {f"{s}_{j}": a for s, row in (("s_lo", lo), ("s_hi", hi), ("in_u", u), ("in_y", y), ("seen", seen))
+              for j, a in enumerate(row)}
+    expected = {f"seen_{i}": v for i, v in enumerate(seen) if np.any(t.D)}
+    for side, row, v in zip(("lo", "hi"), image(t.H, lo, hi, np.zeros(len(y), real)), (t.v_lo, t.v_hi)):
+        expected |= {f"tested_{side}_{i}": a for i, a in enumerate(row + v)}
+    for q in range(design.plant.n_modes):
+        for side, x, parts in (("lo", lo, (t.d_lo, t.G, t.L_lo, t.M_lo)), ("hi", hi, (t.d_hi, t.G, t.L_hi, t.M_hi))):
+            row = carried([part[q] for part in parts], u, seen, x)
+            expected |= {f"moved_{side}_{i}_mode_{q}": a for i, a in enumerate(row)}
+    names, prefix = re.findall(ROW, text), design.plant.target.prefix
     assert {f"{prefix}_{name}" for name in expected} == set(names) and len(names) == len(expected)
+    agree(text, prefix, expected, values, real)
+
+
+def agree(text, prefix, expected, values, real):
+    """The sums of the script are those expected; exact, they are the same words, off by the margin at most."""
     for name, value in expected.items():
         rounded, exact = (evaluate(text, f"{s}{prefix}_{name}", values, fraction) for s in ("", "exact_"))
         assert rounded == exact
@@ -86,3 +155,44 @@ def test_script_of_a_mode_estimator_is_about_the_sums_of_the_reference(plant, re
         assert got == value, name
         assert abs(fraction(got) - exact) <= fraction(float.fromhex(
             re.search(rf"exact_{prefix}_{name}\| <= (\S+)", text)[1]))
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("plant", driven.PLANTS)
+def test_script_of_driven_framers_is_about_the_sums_of_the_reference(plant, real):
+    """Boxes as of an estimator; framers of every mode with parameters; and S x of these."""
+    design, rng = driven.stand_in(plant), np.random.default_rng(5)
+    names, expected, values, text, prefix = boxes_of(design, real, rng)
+    t = design.observer.tables[real]
+    told, n_u = t.told, len(t.u_lo)
+    lo, hi = np.sort(rng.uniform(-told.box, told.box, (2, 1, len(told.box))), axis=0).astype(real)
+    u, y, y_next = (rng.uniform(a, b, (1, len(a))).astype(real) for a, b in (
+        (t.u_lo, t.u_hi), (t.y_lo, t.y_hi), (t.y_lo, t.y_hi)))
+    agree(text, prefix, expected, values, real)
+    values |= {f"in_y_{j}": a for j, a in enumerate(y_next[0])} | {f"a_{j}": abs(u[0, j]) for j in range(n_u)}
+    values |= {f"s_{v}_{j}": a for v, row in (("x_lo", lo), ("x_hi", hi), ("u", u), ("y", y)) for j, a in
+               enumerate(row[0])}
+    values |= {f"frame_m_{j}": a for j, a in enumerate(np.maximum(-lo, hi)[0])}
+    theta = np.zeros((1, 0), dtype=real)
+    if told.vary is not None and told.vary.parameters:
+        theta = rng.uniform(told.vary.theta_lo[:1], told.vary.theta_hi[:1]).astype(real)
+        values |= {f"th_{j}_mode_0": a for j, a in enumerate(theta[0])}
+        for i, j, q in re.findall(r"(?m)^\w+_L_(\d+)_(\d+)_mode_(\d+) r=$", text):
+            at, name = np.array([int(q)]), f"L_{i}_{j}_mode_{q}"
+            gain = scheduled(told.L_hi[at], told.vary.L[at], theta)[0, int(i), int(j)]
+            assert evaluate(text, f"{prefix}_{name}", values, np.dtype(real).type) == gain
+            values |= {f"size_{name}": abs(gain), f"exact_size_{name}": abs(gain)}
+    below, above = image(t.S_rounded, lo[0], hi[0], np.zeros(len(t.S), real))
+    own = {f"narrowed_{side}_{i}": v for side, row in (("lo", below - t.xi_room), ("hi", above + t.xi_room))
+           for i, v in enumerate(row)}
+    uncut = replace(told, clamp=False, x_lo=told.x_lo - np.inf, x_hi=told.x_hi + np.inf)
+    for q in range(design.plant.n_modes):
+        p = np.array([q])
+        for which, sides in (("forward", propagate(uncut, p, lo, hi, u, y, y_next, theta)),
+                             ("blind", open_loop(uncut, p, lo, hi, u))):
+            own |= {f"{which}_{side}_{i}_mode_{q}": v for side, row in zip(("lo", "hi"), sides)
+                    for i, v in enumerate(row[0]) if f"{prefix}_{which}_{side}_{i}_mode_{q}" in names}
+    assert sum(name.startswith("forward") for name in own) > 4 and sum(name.startswith("blind") for name in own) >= 4
+    known = {f"{prefix}_{name}" for name in (*expected, *own)}
+    assert known <= set(names) and all(re.search(r"_(theta|L|residual)_", name) for name in set(names) - known)
+    agree(text, prefix, own, values, real)

@@ -1,0 +1,188 @@
+"""The independent checker on framers that a mode estimator drives: it agrees with the proof, and refuses what is false.
+
+Three parts, each with a tampering of its own: boxes of the estimator, framers, what joins them; and the C.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+import sys
+from functools import cache
+
+import pytest
+from helpers.driven import PLANTS, stand_in, told
+from helpers.kept import KEPT, family_of
+from helpers.scripts import prefix_of
+from synthesis.test_independent import CHECKER
+
+from codegen.certify.driven_certificate import check_joint
+from codegen.emit import files
+
+REALS = ("float32", "float64")
+
+
+@pytest.fixture(scope="module")
+def checker():
+    """The part for driven framers, in this process."""
+    sys.path.insert(0, str(CHECKER.parent))
+    try:
+        yield __import__("independent_driven")
+    finally:
+        sys.path.remove(str(CHECKER.parent))
+
+
+@cache
+def tables(name, real):
+    return stand_in(name).observer.tables[real].to_dict()
+
+
+#: What a plant's period is enclosed in, by plant and number type: no table changes it.
+ENCLOSED = {}
+
+
+def proves(checker, name, real, t, text=None):
+    """All three parts, as ``main`` asks for them; delays are nobody's here."""
+    plant = checker.read_plant(text or PLANTS[name])
+    given, boxes, _, h, _ = plant
+    u, tiny = checker.UNIT[real]
+    umax = [max(abs(checker.F(a)), abs(checker.F(b))) for a, b in zip(t["u_lo"], t["u_hi"])]
+    modes = checker.middle_plant(given, boxes["x"], [b + u * b + tiny for b in umax])
+    known = None if text or umax != [2] else ENCLOSED.get((name, real))
+    known = checker.births.check_boxes(modes, boxes["x"], boxes["x0"], h, t, known)
+    if text is None:
+        ENCLOSED[name, real] = known
+    checker.check_told(t, {"told": told(name, real)[1]}, plant)
+    checker.check_joint(t)
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_proves_every_kind_of_plant(name, checker):
+    """Without parameters, with measured and unknown ones, with switches at samples alone."""
+    for real in REALS:
+        proves(checker, name, real, tables(name, real))
+
+
+def tampered(name, place, factor, real="float32"):
+    data = copy.deepcopy(tables(name, real))
+    *way, last = place
+    inner = data
+    for key in way:
+        inner = inner[key]
+
+    def change(value):
+        return [change(v) for v in value] if isinstance(value, list) else value * factor
+
+    assert any(map(bool, flat_of(inner[last])))
+    inner[last] = change(inner[last])
+    return data
+
+
+def flat_of(value):
+    return [x for v in value for x in flat_of(v)] if isinstance(value, list) else [value]
+
+
+FALSE = {  # plant, what of the tables, factor, words
+    "reach": ("parameters", ("reach",), 0.7, "reach of mode"), "birth": ("parameters", ("birth",), 0.7, "birth"),
+    "reach of a step": ("discrete", ("reach",), 0.7, "reach of mode"), "birth at a sample": (
+        "discrete", ("birth",), 0.7, "birth"), "J": ("parameters", ("J",), 1.02, "jump"),
+    "start": ("parameters", ("start_hi",), 0.99, "start_hi"), "limit": ("discrete", ("limit",), 0.2, "limit"),
+    "offset": ("parameters", ("told", "d_hi"), 0.9, "offset d_hi"), "gain": (
+        "parameters", ("told", "L_hi"), 1.01, "equal gains"), "slope": (
+        "parameters", ("told", "vary", "M"), 1.5, "offset d"), "radius": (
+        "parameters", ("told", "vary", "R"), 0.5, "offset d"), "blind radius": (
+        "parameters", ("told", "vary", "Ra"), 0.5, "offset a"), "offset of a step": (
+        "discrete", ("told", "d_lo"), 0.9, "offset d_lo"), "bounds of a parameter": (
+        "parameters", ("told", "vary", "theta_hi"), 0.9, "theta box"), "box of framers": (
+        "parameters", ("told", "box"), 0.9, "box x too small"), "range of framers": (
+        "discrete", ("told", "x_hi"), 0.9, "box x too small"),
+    "xi_room": ("parameters", ("xi_room",), 0.05, "xi_room"), "S": ("parameters", ("S_rounded",), 1.0001, "xi_room"),
+    "inputs": ("parameters", ("u_hi",), 1.5, "jump|reach of mode"), "measurements": (
+        "hidden", ("y_lo",), 1.001, "v_|accepted beyond"), "range of x": ("discrete", ("x_lo",), 1.1, "range of x"),
+}
+
+
+@pytest.mark.parametrize("name", FALSE)
+def test_refuses_false_tables(name, checker):
+    plant, place, factor, words = FALSE[name]
+    with pytest.raises(SystemExit, match=f"refused: .*({words})"):
+        proves(checker, plant, "float32", tampered(plant, place, factor))
+
+
+def test_refuses_what_parts_do_not_share(checker):
+    """Each part for itself holds; together they do not."""
+    t = copy.deepcopy(tables("parameters", "float32"))
+    checker.check_joint(t)
+    t["told"]["vary"]["theta_hi"][1] = [x * 2 for x in t["told"]["vary"]["theta_hi"][1]]
+    with pytest.raises(SystemExit, match="differ between modes"):
+        checker.check_joint(t)
+    for key in ("u_lo", "y_hi"):
+        t = copy.deepcopy(tables("discrete", "float32"))
+        t[key] = [x + (1 if key == "y_hi" else -1) for x in t[key]]
+        with pytest.raises(SystemExit, match=f"{key[0]} is accepted beyond"):
+            checker.check_joint(t)
+
+
+@pytest.mark.parametrize("plant, old, new, words", [
+    ("parameters", "bounds = [-0.1, 0.1]", "bounds = [-0.11, 0.1]", "reach of mode"),
+    ("parameters", "bounds = [0, 0.02]", "bounds = [0, 0.03]", "reach of mode"),
+    ("parameters", "-3 - wear", "-3 - 1.2*wear", "reach of mode"),
+    ("constant", "[-0.002, 0.004]", "[-0.002, 0.005]", "reach of mode"),
+    ("discrete", "[0.1, 0.5]]", "[0.1, 0.51]]", "reach of mode"),
+    ("discrete", 'kind = "discrete"', 'kind = "continuous"', "reach of mode"),
+    ("parameters", "known = false", "known = false\nlate = true", "told late")])
+def test_refuses_another_plant(plant, old, new, words, checker):
+    assert PLANTS[plant].count(old) == 1
+    with pytest.raises(SystemExit, match=f"refused: .*({words})"):
+        proves(checker, plant, "float32", tables(plant, "float32"), PLANTS[plant].replace(old, new))
+
+
+def test_room_of_both_checkers_agrees(checker):
+    """The room for S x that the proof asks for is what the checker asks for, but for the finer count of roundings."""
+    for factor, kept in ((1.0, True), (0.05, False)):
+        data = tampered("parameters", ("xi_room",), factor)
+        if kept:
+            checker.check_joint(data)
+            check_joint(stand_in("parameters").observer.tables["float32"])
+        else:
+            with pytest.raises(SystemExit, match="xi_room"):
+                checker.check_joint(data)
+
+
+CHANGES = (  # of the C: what, what instead
+    (r"(\.\d+)F, -1\.", r"\g<1>F, -2."), (r"0\.5F \* \(s->theta", "0.25F * (s->theta"),
+    (r"(\w+_cut_x\(valve_real[^}]*?)-2\.5F", r"\1-2.75F"),
+    (r"(forth\[\w+\]\[\w+\] = \{\s*\{ )1\.0F", r"\g<1>0.5F"), (r"(xi_room\[\w+\] = \{\s*)[\d.e-]+F", r"\g<1>0.0F"),
+    (r"(frame_limit\[\w+\] = \{\s*)2\.5F", r"\g<1>2.6F"),
+    (r"(birth\[[^{]*\{\s*\{ )([\d.e-]+F), ([\d.e-]+F)", r"\1\3, \2"),
+    (r"<= 0\.105000004F", "<= 0.11F"), (r"<= 4\.0F", "<= 5.0F"), (r"below\[i\] = 0\.0F", "below[i] = 1.5F"))
+
+
+def test_the_c_is_read(checker):
+    """The committed C in its own layout, and others; numbers that are no longer those of the tables are refused."""
+    folder = next(f for f in KEPT if family_of(f) == "driven")
+    t, prefix = json.loads((folder / "design.json").read_text())["tables"]["float32"], prefix_of(folder)
+    text, header = ((folder / f"{prefix}.{end}").read_text() for end in "ch")
+    checker.check_source(text, header, t, prefix)
+    for pattern, new in CHANGES:
+        other, count = re.subn(pattern, new, text, count=1)
+        assert count == 1 and other != text, pattern
+        with pytest.raises(SystemExit, match="refused: "):
+            checker.check_source(other, header, t, prefix)
+            pytest.fail(pattern)
+    with pytest.raises(SystemExit, match="ages"):
+        checker.check_source(text, re.sub(r"(_OLDEST )\d+U", r"\g<1>9U", header), t, prefix)
+    with pytest.raises(SystemExit, match="maps of the framers"):
+        checker.check_source(text.replace(f"{prefix}_blind(", f"{prefix}_other("), header, t, prefix)
+
+
+@pytest.mark.parametrize("name, real, layout", [
+    ("constant", "float64", "literal"), ("discrete", "float32", "loop"), ("parameters", "float64", "literal"),
+    ("parameters", "float32", "loop")])
+def test_every_kind_of_c_is_read(name, real, layout, checker):
+    made = files(stand_in(name), real, layout, measure=False)
+    checker.check_source(made["valve.c"], made["valve.h"], tables(name, real), "valve")
+    with pytest.raises(SystemExit, match="refused: "):
+        checker.check_source(made["valve.c"], made["valve.h"], tables(name, "float32" if real == "float64" else
+                                                                      "float64"), "valve")
