@@ -91,7 +91,7 @@ def test_plants_are_those_of_the_project(checker):
                     assert [float(a) for a in row] == pytest.approx(given.tolist(), rel=1e-14), (path.stem, key)
         for key in ("E", "C"):
             assert [[float(a) for a in row] for row in p[key]] == getattr(polytope, key).tolist()
-    assert read == 4
+    assert read == 5
 
 
 T, C = ("tables", "float32"), ("certificate", "float32")
