@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import CertificateError
+from . import mode_witness
 from .claims import digest
 from .mode_claims import Claims, ModeDelays
 from .mode_steps import check_enclosure
@@ -69,11 +70,14 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
         raise CertificateError(f"certificate: from power-up some modes are not told apart within {horizon} samples. "
                                "State a smaller initial box, or a longer dwell time.")
     n = plant.n_modes
-    return t, {"kind": "mode", "dwell": dwell_samples(plant), "ages": t.ages, "horizon": horizon,
-               "old": square(n, found.old), "identified": square(n, found.identified), "quiet": found.quiet,
-               "start": found.start, "worst": found.worst, "widths": found.widths.tolist(),
-               **({"restart": found.restart, "calm": found.calm} if restart else {}),
-               **({"switches": "at samples"} if plant.kind == "discrete" else {})}
+    cert = {"kind": "mode", "dwell": dwell_samples(plant), "ages": t.ages, "horizon": horizon,
+            "old": square(n, found.old), "identified": square(n, found.identified), "quiet": found.quiet,
+            "start": found.start, "worst": found.worst, "widths": found.widths.tolist(),
+            **({"restart": found.restart, "calm": found.calm} if restart else {}),
+            **({"switches": "at samples"} if plant.kind == "discrete" else {})}
+    kept: dict = {}
+    proved(plant, t, cert, kept)
+    return t, cert | {"witnesses": mode_witness.stated(kept, found.widths)}
 
 
 #: Tables of framers that an estimator drives: no delay rests on them.
@@ -82,7 +86,7 @@ FRAMERS = ("told", "S_rounded", "xi_room")
 _KNOWN: dict[str, ModeDelays] = {}
 
 
-def proved(plant, t, cert: dict) -> ModeDelays:
+def proved(plant, t, cert: dict, kept: dict | None = None) -> ModeDelays:
     """The delays anew, from the widths of a certificate.
 
     Parameters
@@ -90,6 +94,8 @@ def proved(plant, t, cert: dict) -> ModeDelays:
     plant : Plant
     t : ModeTables
     cert : dict
+    kept : dict or None
+        Takes the multipliers behind them (``mode_witness``).
 
     Returns
     -------
@@ -99,11 +105,11 @@ def proved(plant, t, cert: dict) -> ModeDelays:
     ------
     CertificateError
     """
-    claims = Claims(t, plant.limits("x"), plant.limits("u"), cert["dwell"], cert["horizon"])
+    claims = Claims(t, plant.limits("x"), plant.limits("u"), cert["dwell"], cert["horizon"], kept)
     rests = [*(cert[name] for name in ("widths", "old", "dwell", "horizon")), "restart" in cert]
     own = {name: value for name, value in t.to_dict().items() if name not in FRAMERS}
     key = digest(own, rests, [side.tolist() for side in (*claims.x, *claims.u)])
-    if key not in _KNOWN:
+    if key not in _KNOWN or kept is not None:
         old = {(i, j): cert["old"][i][j] - 1 for i, j in claims.pairs}
         found = claims.again(np.array(cert["widths"]), old, "restart" in cert)
         if len(_KNOWN) >= 32:
