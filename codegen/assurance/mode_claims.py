@@ -93,6 +93,14 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
             [stated("restart", "delay after an alarm beyond the proved one"),
              stated("calm", "samples until all holds again beyond the proved ones")], constants=(*BOXES, "v", "wide"),
             checks=(*unseen, "validation"))
+    for f in cert.get("faults", ()):
+        yield f'a step of the fault "{f["channel"]}"', claim(
+            f"found-{f['channel']}", "What is possible a sample after the fault came would have lived through it: "
+            "the largest fault with which the true mode, or a child of it, can is a linear program.",
+            "size > y' b + max over the box of (f - y' A z), y >= 0, for the program A z <= b of every story with a "
+            "fault f on y", [Margin("samples of the promise beyond those of the proof", fmpq(
+                f["after"] - cert["dwell"] - cert["quiet"]))],
+            "codegen.certify.mode_faults.surely_found", (*BOXES, "v"), (*unseen, "validation"))
 
 
 def ranges(design, t, cert: dict, build: type, checks: tuple):

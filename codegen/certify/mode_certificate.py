@@ -14,6 +14,7 @@ from ..errors import CertificateError
 from . import mode_witness
 from .claims import digest
 from .mode_claims import Claims, ModeDelays
+from .mode_faults import surely_found
 from .mode_steps import check_enclosure
 
 Array = np.ndarray
@@ -77,7 +78,13 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
             **({"switches": "at samples"} if plant.kind == "discrete" else {})}
     kept: dict = {}
     proved(plant, t, cert, kept)
-    return t, cert | {"witnesses": mode_witness.stated(kept, found.widths)}
+    faults = surely_found(plant, claims_on(plant, t, cert), found.widths, found.quiet)
+    return t, cert | ({"faults": faults} if faults else {}) | {"witnesses": mode_witness.stated(kept, found.widths)}
+
+
+def claims_on(plant, t, cert: dict, kept: dict | None = None) -> Claims:
+    """What computes the delays of a certificate."""
+    return Claims(t, plant.limits("x"), plant.limits("u"), cert["dwell"], cert["horizon"], kept)
 
 
 #: Tables of framers that an estimator drives: no delay rests on them.
@@ -105,7 +112,7 @@ def proved(plant, t, cert: dict, kept: dict | None = None) -> ModeDelays:
     ------
     CertificateError
     """
-    claims = Claims(t, plant.limits("x"), plant.limits("u"), cert["dwell"], cert["horizon"], kept)
+    claims = claims_on(plant, t, cert, kept)
     rests = [*(cert[name] for name in ("widths", "old", "dwell", "horizon")), "restart" in cert]
     own = {name: value for name, value in t.to_dict().items() if name not in FRAMERS}
     key = digest(own, rests, [side.tolist() for side in (*claims.x, *claims.u)])
@@ -141,6 +148,14 @@ def check(plant, t, cert: dict) -> list[str]:
     for name, fresh in single.items():
         if fresh is None or cert[name] is None or cert[name] < fresh:
             raise CertificateError(f"certificate: {name} is {cert[name]} samples, only {fresh} proved.")
+    if cert.get("faults"):
+        fresh = {f["channel"]: f for f in surely_found(plant, claims_on(plant, t, cert), np.array(cert["widths"]),
+                                                       cert["quiet"])}
+        for f in cert["faults"]:
+            of = fresh.get(f["channel"], {"size": np.inf, "within": 0, "after": 0})
+            if f["size"] < of["size"] or f["within"] < of["within"] or f["after"] < of["after"]:
+                raise CertificateError(f"certificate: the fault {f['channel']} is claimed to be found from "
+                                       f"{f['size']:.6g} on, only {of['size']:.6g} is proved.")
     return sentences(plant, t, cert)
 
 
@@ -155,6 +170,11 @@ def sentences(plant, t, cert: dict) -> list[str]:
         "after a reset, and after an alarm from the second sample without one on, mode is right after "
         f"{time(cert['restart'])} at the latest, and after {time(cert['calm'])} all that is said of switches holds "
         "again, if neither a switch nor a fault comes before that"]
+    seen = [
+        f'a step of the fault "{f["channel"]}" of {f["size"]:.6g} or more, either way, leaves no mode possible within '
+        f"{time(f['within'])} of its first one, if it begins {time(f['after'])} or more after power-up and the last "
+        "switch, no alarm came before, the mode stays, and measurements are neither missing nor refused"
+        for f in cert.get("faults", ())]
     pairs = [(i, j) for i in range(len(names)) for j in range(len(names)) if i != j]
     anywhere = "at any instant" if plant.kind == "continuous" else (
         "at any sample (a mode that acts from a sample on is in the set at the next one)")
@@ -170,5 +190,5 @@ def sentences(plant, t, cert: dict) -> list[str]:
         f"from power-up within the initial box mode is right after {time(cert['start'])} at the latest, if the first "
         f"switch is {time(cert['dwell'])} later or more",
         f"a wrong mode that is taken up while the mode stays is out of mode_set within {time(cert['quiet'])}; the "
-        f"oldest age {t.ages} is beyond that", *after,
+        f"oldest age {t.ages} is beyond that", *after, *seen,
     ]

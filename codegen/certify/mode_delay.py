@@ -189,6 +189,7 @@ class Course:
         self.t, self.widths, self.kept, self.name = t, widths, kept, name
         self.x, self.u = (x_lo, x_hi), (u_lo, u_hi)
         self.n, self.p = t.Phi.shape[1], len(t.v_lo)
+        self.more = np.zeros(self.p)  # of a fault
         self.u_most = np.maximum(np.abs(u_lo), np.abs(u_hi))
         # The estimator rounds; here its boxes are exact. So they may be larger there by this share of their terms.
         self.rounding = (4 * self.n + 2 * len(u_lo) + 16) * float(np.finfo(t.real).eps)
@@ -205,7 +206,7 @@ class Course:
             plain = np.max([plain, *(a for a, _ in pairs)], axis=0)
             once = np.max([once, plain, *(b for _, b in pairs)], axis=0)
             for size in (plain, once):
-                size[:p] = seen[:p] + 3 * noise
+                size[:p] = seen[:p] + 3 * noise + self.more
         return 1.001 * plain, 1.001 * once
 
     def _grown(self, q: int, plain: Array, once: Array) -> tuple[Array, Array]:
@@ -235,7 +236,7 @@ class Course:
             before, now = now, {}
             now["xi"] = out.variables(t.wide_lo, t.wide_hi)
             now["u"] = out.variables(*self.u)
-            now["y"] = out.variables(t.wide_lo[:p] + 2 * t.v_lo, t.wide_hi[:p] + 2 * t.v_hi)
+            now["y"] = out.variables(t.wide_lo[:p] + 2 * t.v_lo - self.more, t.wide_hi[:p] + 2 * t.v_hi + self.more)
             now["lo"], now["hi"] = out.variables(-most, most), out.variables(-most, most)
             now["c"] = out.variables(-2 * most, 2 * most)
             self._reference(out, story, k - 1, before if k > first else None, now)
@@ -243,9 +244,8 @@ class Course:
             out.below([(t.S_inverse, now["xi"])], self.x[1] + room)
             out.below([(-t.S_inverse, now["xi"])], -self.x[0] + room)
             unit = np.eye(n)
-            out.below([(np.eye(p), now["y"]), (-np.eye(p), now["xi"][:p])], t.v_hi)
-            out.below([(-np.eye(p), now["y"]), (np.eye(p), now["xi"][:p])], -t.v_lo)
-            seen = np.maximum(np.abs(t.wide_lo), np.abs(t.wide_hi))[:p] + 2 * np.abs(t.D) @ self.u_most
+            self._measured(out, k, now)
+            seen = np.maximum(np.abs(t.wide_lo), np.abs(t.wide_hi))[:p] + 2 * np.abs(t.D) @ self.u_most + self.more
             cut = self.rounding * (seen + np.abs(t.v_lo) + np.abs(t.v_hi))
             out.below([(np.eye(p), now["y"]), (-np.eye(p), now["lo"][:p])], t.v_hi + cut)
             out.below([(-np.eye(p), now["y"]), (np.eye(p), now["hi"][:p])], -t.v_lo + cut)
@@ -264,6 +264,11 @@ class Course:
             self._truth(out, story, k - 1, before, now)
             self._hypothesis(out, story, k - 1, before, now, plain)
         return out, now
+
+    def _measured(self, out: Program, k: int, now: dict) -> None:
+        one, xi = np.eye(self.p), now["xi"][:self.p]
+        out.below([(one, now["y"]), (-one, xi)], self.t.v_hi)
+        out.below([(-one, now["y"]), (one, xi)], -self.t.v_lo)
 
     def _reference(self, out: Program, story: Story, k: int, a: dict | None, b: dict) -> None:
         t, p, unit = self.t, self.p, np.eye(self.n)
