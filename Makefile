@@ -16,7 +16,7 @@ demo: $(VENV)/.installed
 	@echo "replays:  $(OUT)/replay_train and $(OUT)/replay_pulses (bounds.csv and a plot each)"
 
 test: $(VENV)/.tested
-	$(BIN)/python -m pytest -n 2 --dist loadgroup
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 lint: $(VENV)/.tested
 	$(BIN)/ruff check codegen tests c_tests benchmarks

@@ -1,6 +1,6 @@
 """The steering-fault filter of a vehicle, whole: measurement sets and numbers of speed ranges, on host and board.
 
-    python -m benchmarks.vehicle    some minutes; writes VEHICLE.md
+    python -m benchmarks.vehicle    some minutes; writes VEHICLE.md, and vehicle.json: constants and proof of each level
 
 The car, ranges and sizes are those of ``tests/data/vehicle.toml``; the plant file of each row is made by the script
 that makes the gallery's (``make_vehicle.py``), with the speed dependence covered exactly. Every row is designed,
@@ -21,12 +21,16 @@ import numpy as np
 
 import codegen
 from codegen.analysis.validate import validate
+from codegen.certify.exact import up
+from codegen.certify.switched_gain import check_gain
+from codegen.designs import pretty
 from codegen.emit.render import template_root
 from codegen.plant.load import gallery_folder, loads
+from codegen.synthesis.fault_filter import stated
 from codegen.target.onboard import run_on
 
 HERE = Path(__file__).resolve().parent
-TABLE, DATA = HERE / "VEHICLE.md", HERE.parent / "tests" / "data" / "vehicle.toml"
+TABLE, KEPT, DATA = HERE / "VEHICLE.md", HERE / "vehicle.json", HERE.parent / "tests" / "data" / "vehicle.toml"
 BOARD = "m4f"
 #: Measurement set and number of speed ranges; three are those of the data file, more are geometric between its ends.
 CASES = (("steering_unknown", 3), ("a_y", 3), ("both", 3), ("both", 4), ("both", 6))
@@ -49,6 +53,7 @@ class Row:
     flash: int
     state: int
     instructions: int
+    kept: dict
 
 
 def data() -> dict:
@@ -117,7 +122,40 @@ def whole(measured: str, ranges: int, folder: Path, board: bool = True, **option
     assert run is None or (run.self_test == 0 and run.same_as_host)
     return Row(measured, ranges, cert["level"], cert["reached"], np.max(c["guaranteed"]) if c else last, last,
                c["runs"] if c else 0, episode.delay, run.flash_bytes if run else 0, run.state_bytes if run else 0,
-               run.counts["step"].most if run else 0)
+               run.counts["step"].most if run else 0, kept(t, cert))
+
+
+def kept(t, cert: dict) -> dict:
+    """What the level of a row can be proved from again: the constants of the C, and the certificate of the energy.
+
+    Parameters
+    ----------
+    t : FilterTables
+    cert : dict
+    """
+    constants = {k: getattr(t, k).astype(float).tolist() for k in ("M", "L", "G", "K", "Dy", "Du")}
+    return {"level": cert["level"], "constants": constants, "energy": cert["energy"]}
+
+
+def proved(measured: str, ranges: int, row: dict) -> float:
+    """The level of a row, proved again from what is kept of it, exactly.
+
+    Parameters
+    ----------
+    measured : str
+    ranges : int
+    row : dict
+        Of ``kept``.
+
+    Raises
+    ------
+    CertificateError
+        It is not proved by that.
+    """
+    made_for = plant(measured, ranges, **OPTIONS)
+    problem, units = stated(made_for, made_for.options)
+    gains = units.gains({k: np.array(v, dtype="float32") for k, v in row["constants"].items()})
+    return up(check_gain(problem.modes, problem.names, problem.switching, gains, row["energy"])) ** 0.5
 
 
 def write(rows: list[Row]) -> str:
@@ -159,6 +197,7 @@ def main() -> int:
             rows.append(whole(measured, ranges, Path(scratch) / "vehicle", **OPTIONS))
         print(rows[-1], flush=True)
     TABLE.write_text(write(rows), encoding="utf-8")
+    KEPT.write_text(pretty({f"{r.measured} {r.ranges}": r.kept for r in rows}, 2) + "\n", encoding="ascii")
     return 0
 
 

@@ -72,23 +72,23 @@ static int framers_are_cut(void)
     return 0;
 }
 
-/* What is no number any more starts anew, and everything is finite again. */
+/* What is no number any more, or beyond its limit, starts anew, and everything is finite again. */
 static int framers_at_the_ends(void)
 {
-    for (uint32_t n = 0U; n < ((M(NZ) + M(NA)) * 2U); n++)
+    for (uint32_t n = 0U; n < ((M(NZ) + M(NA)) * 5U); n++)
     {
-        const T(real) bad[] = { not_a_number(), huge() };
-        const uint32_t at = n / 2U;
+        const T(real) bad[] = { not_a_number(), huge(), -huge(), 1000000, -1000000 };
+        const uint32_t at = n / 5U;
         bench b;
 
         rest(&b, 0);
         if (at < M(NZ))
         {
-            b.s.z[at] = bad[n % 2U];
+            b.s.z[at] = bad[n % 5U];
         }
         else
         {
-            b.s.a[at - M(NZ)] = bad[n % 2U];
+            b.s.a[at - M(NZ)] = bad[n % 5U];
         }
         for (uint32_t k = 0U; k < 4U; k++)
         {

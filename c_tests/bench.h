@@ -196,4 +196,25 @@ static inline void plant_frames(bench *b, int live, uint32_t (*drawn_below)(uint
 }
 #endif
 
+#if CASE_FOLLOWS
+/* An observer anywhere, its estimate beyond the ranges too, with a set of any size, in any mode or none. */
+static inline void plant_observer(T(state) *s, uint32_t (*drawn_below)(uint32_t))
+{
+    s->followed = drawn_below(M(MODES) + 1U);
+    s->measured = drawn_below(2U);
+    for (uint32_t i = 0U; i < M(NX); i++)
+    {
+        const T(real) size = x_hi[i] - x_lo[i];
+
+        s->told_x_hat[i] = size * (((T(real))drawn_below(4000U) / 1000) - 2);
+        s->told_lo[i] = s->told_x_hat[i];
+        s->told_hi[i] = s->told_x_hat[i];
+    }
+    for (uint32_t i = 0U; i < M(NTOLD); i++)
+    {
+        s->told_shape[i] = ((x_hi[0] - x_lo[0]) * (T(real))drawn_below(1000U)) / (T(real))(1000U << drawn_below(12U));
+    }
+}
+#endif
+
 #endif

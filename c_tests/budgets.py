@@ -47,7 +47,7 @@ def budgets() -> dict[tuple[str, str], dict[str, int]]:
 
 
 def figures(result: TargetRun) -> dict[str, int]:
-    """What is held to a budget: the dearest step or predict, code with constants, deepest stack."""
+    """What is held to a budget: the dearest call, code with constants, deepest stack."""
     return {"instructions": max(count.most for count in result.counts.values()),
             "flash_bytes": result.flash_bytes, "stack_bytes": result.stack_bytes}
 

@@ -5,7 +5,7 @@
  * Macros: HEADER, SOURCE and TEST are the observer's files, T(name) is <prefix>_name, M(name) is <PREFIX>_name,
  * COUNTED_STEP and COUNTED_PREDICT the names by which the self-test calls. A sample is 0 (predict), 1 (step) or 2
  * (start anew, no numbers), the mode, u, y and theta; TOLD is the mode's member of the input, where it has one. Printed
- * per call: 0 or 1, the status, the bits of raw, the work.
+ * per call: 0 or 1 (of a tracking law 2, coast, or 3, track), the status, the bits of raw, the work.
  */
 #include <stdio.h>
 #include "counted.h"
@@ -33,6 +33,24 @@ static T(status) counted_predict(T(state) *s, const T(in) *in, T(out) *out)
     print(0, (int)status, out->raw);
     return status;
 }
+
+#ifdef LAW
+static T(status) counted_track(T(state) *s, T(law) *law, const T(real) *ref, T(in) *in, T(out) *out)
+{
+    done = work();
+    const T(status) status = T(track)(s, law, ref, in, out);
+    print(3, (int)status, out->raw);
+    return status;
+}
+
+static T(status) counted_coast(T(state) *s, T(law) *law, T(in) *in, T(out) *out)
+{
+    done = work();
+    const T(status) status = T(coast)(s, law, in, out);
+    print(2, (int)status, out->raw);
+    return status;
+}
+#endif
 
 #include RENAMES
 #include TEST

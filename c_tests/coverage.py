@@ -8,6 +8,7 @@ Prints each line that is not covered; none: exit status 0.
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -19,6 +20,9 @@ sys.path.insert(0, str(HERE))
 
 from run import UNIT_TESTS, case, folders  # noqa: E402
 
+#: Branches that no call takes, by family: a discrete plant changes its mode at samples, so that J is zero, and what is
+#: added to a box that a switch gives birth to is rounding.
+NEVER = {"follower": r"if \(added_(lo|hi)\[i\] [<>] 0\.0F?\)"}
 MCDC = ["-fprofile-instr-generate", "-fcoverage-mapping", "-fcoverage-mcdc"]
 
 
@@ -69,8 +73,8 @@ def programs(folder: Path, prefix: str, compiler: list, scratch: Path) -> list[s
     return list(tests)
 
 
-def by_gcov(folder: Path, prefix: str, scratch: Path):
-    """Count statements and branches.
+def by_gcov(folder: Path, prefix: str, scratch: Path, never: str):
+    """Count statements and branches, those in lines that match ``never`` left out.
 
     Returns
     -------
@@ -81,7 +85,9 @@ def by_gcov(folder: Path, prefix: str, scratch: Path):
         run([f"./{program}"], scratch)
     report = json.loads(run(["gcov", "--json-format", "--stdout", "--branch-probabilities", "observer.o"], scratch))
     lines = [line for f in report["files"] if f["file"].endswith(f"{prefix}.c") for line in f["lines"]]
-    branches = [(line["line_number"], branch["count"]) for line in lines for branch in line["branches"]]
+    text = (folder / f"{prefix}.c").read_text(encoding="ascii").splitlines()
+    branches = [(line["line_number"], branch["count"]) for line in lines for branch in line["branches"]
+                if not re.search(never, text[line["line_number"] - 1])]
     missed = [f"line {line['line_number']} is not run" for line in lines if not line["count"]]
     missed += [f"line {number}: a branch is not taken" for number, count in branches if not count]
     return ((sum(line["count"] > 0 for line in lines), len(lines)),
@@ -125,7 +131,8 @@ def measure(folder: Path) -> Coverage:
     with tempfile.TemporaryDirectory() as name:
         scratch = Path(name)
         (scratch / "case.h").write_text(case(record), encoding="ascii")
-        statements, branches, not_run = by_gcov(folder, record["prefix"], scratch)
+        statements, branches, not_run = by_gcov(folder, record["prefix"], scratch,
+                                                  NEVER.get(record["family"], "(?!)"))
         conditions, not_shown = by_clang(folder, record["prefix"], scratch)
     return Coverage(folder.name, statements, branches, conditions, tuple(not_run + not_shown))
 

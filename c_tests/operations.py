@@ -23,7 +23,7 @@ EXCHANGE = (r"(\n +key\[best\] = (?:key\[j\]|held);)", r"\1 done.exchanges += (b
 
 @dataclass(frozen=True)
 class Call:
-    """One call of step (or predict): its answer and how many operations it took."""
+    """One call of step (or predict; of a law track, or coast): its answer and how many operations it took."""
 
     step: bool
     status: int
@@ -34,6 +34,7 @@ class Call:
     compare: int
     selections: int
     exchanges: int
+    law: bool = False
 
     @property
     def sums(self) -> tuple[int, int, int]:
@@ -53,13 +54,14 @@ def build(folder: Path, out: Path, change=lambda text: text) -> Path:
     text = change((folder / f"{p}.c").read_text(encoding="ascii"))
     (out / f"{p}.c").write_text(re.sub(*EXCHANGE, re.sub(*SELECTION, text)), encoding="ascii")
     (out / f"test_{p}.c").write_bytes((folder / f"test_{p}.c").read_bytes())
-    (out / "renames.h").write_text(f"#define {p}_step counted_step\n#define {p}_predict counted_predict\n",
-                                   encoding="ascii")
+    calls = ("step", "predict", *(("track", "coast") if "law" in record else ()))
+    (out / "renames.h").write_text("".join(f"#define {p}_{call} counted_{call}\n" for call in calls), encoding="ascii")
     names = {"T(name)": f"{p}_##name", "M(name)": f"{m}_##name", "HEADER": f'"{p}.h"', "SOURCE": f'"{p}.c"',
              "TEST": f'"test_{p}.c"', "RENAMES": '"renames.h"', f"{m}_NO_MAIN": "1", "REAL": f"{p}_real", "RAW": real}
     names |= {"INPUTS": f"{m}_NU"} if record["n_u"] else {}
     names |= {"PARAMETERS": f"{m}_NTHETA"} if record["n_theta"] else {}
     names |= {"TOLD": "mode"} if any(name == "mode" for name, *_ in record["in"]) else {}
+    names |= {"LAW": "1"} if "law" in record else {}
     command = ["g++", "-std=c++11", "-O0", "-w", "-ffp-contract=off", *(f"-D{k}={v}" for k, v in names.items()),
                f"-I{out}", f"-I{HERE}", str(HERE / "count.cpp"), "-o", str(out / "count")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -94,24 +96,28 @@ def count(program: Path, runs=()) -> list[list[Call]]:
         raise ValueError(f"{program}: the self-test fails with counted numbers")
     parts = [first, *others[0].split("run\n")[1:]]
     rows = [[[int(n) for n in line.split()] for line in part.splitlines()] for part in parts]
-    return [[Call(bool(row[0]), *row[1:]) for row in part] for part in rows]
+    return [[Call(bool(row[0] & 1), *row[1:], law=row[0] > 1) for row in part] for part in rows]
 
 
-def stated(folder: Path) -> dict[str, int]:
-    """What the header of a folder states of a step."""
+def stated(folder: Path, law: bool = False) -> dict[str, int]:
+    """What the header of a folder states of a step, or of a call of its law."""
     record = json.loads((folder / "resources.json").read_text(encoding="ascii"))
     header = re.sub(r"\n \* +", " ", (folder / f"{record['prefix']}.h").read_text(encoding="ascii"))
-    found = re.search(r"step, predict: at most (\d+) multiplications, (?:(\d+) divisions, )?(\d+) additions and "
+    words = rf"{record['prefix']}_coast take, the observer's step in them," if law else "step, predict:"
+    found = re.search(rf"{words} at most (\d+) multiplications, (?:(\d+) divisions, )?(\d+) additions and "
                       r"(\d+) comparisons of real numbers", header)
     return dict(zip(STATED, (int(n or 0) for n in found.groups())))
 
 
 def excess(folder: Path, calls: list[Call]) -> list[str]:
     """Return what is above what the header states, each as a sentence."""
-    bound = stated(folder)
-    most = {name: max(getattr(c, name) for c in calls) for name in STATED}
-    return [f"{folder.name}: {name} {most[name]}, stated at most {bound[name]}" for name in STATED
-            if most[name] > bound[name]]
+    wrong = []
+    for law in sorted({c.law for c in calls}):
+        bound = stated(folder, law)
+        most = {name: max(getattr(c, name) for c in calls if c.law == law) for name in STATED}
+        wrong += [f"{folder.name}{', law' * law}: {name} {most[name]}, stated at most {bound[name]}" for name in STATED
+                  if most[name] > bound[name]]
+    return wrong
 
 
 def main(arguments: list[str]) -> int:

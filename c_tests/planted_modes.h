@@ -9,6 +9,9 @@ static void plant(bench *b, uint32_t what)
     T(state) whole;
 
     T(reset)(&whole);
+#if CASE_FOLLOWS
+    plant_observer(&b->s, draw);
+#endif
 #if CASE_HAS_FRAMES
     plant_frames(b, what == 3U, draw);
 #endif

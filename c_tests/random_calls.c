@@ -116,6 +116,9 @@ static void any_framers(T(state) *s)
     s->framed = draw(1U << M(MODES));
     s->measured = draw(2U);
 #endif
+#if CASE_FOLLOWS
+    plant_observer(s, draw);
+#endif
     s->decided = draw(M(MODES));
 }
 #elif CASE_SLIDING
@@ -331,6 +334,10 @@ static uint32_t add(uint32_t digest, const void *object, uint32_t size)
     return digest;
 }
 
+#if CASE_LAW
+#include "random_law.h"
+#endif
+
 /* One part of the calls, each with draws of its own. */
 uint32_t random_calls(uint32_t part)
 {
@@ -362,6 +369,10 @@ uint32_t random_calls(uint32_t part)
             }
             digest += (uint32_t)((draw(4U) != 0U) ? T(step)(&b.s, &b.in, &b.out) : T(predict)(&b.s, &b.in, &b.out));
             digest = add(add(digest, &b.s, (uint32_t)sizeof(b.s)), &b.out, (uint32_t)sizeof(b.out));
+#if CASE_LAW
+            any_framers(&b.s);
+            digest = steer(digest, &b);
+#endif
         }
     }
     return digest;

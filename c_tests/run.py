@@ -53,9 +53,9 @@ def case(record: dict) -> str:
     flags = {"nu": record["n_u"], "ntheta": record["n_theta"], "latch": supervision["latch"],
              "assures": supervision.get("assures", True),
              "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members,
-             "polytopic": record["family"] == "polytopic", "holds_faults": "faults" in record,
+             "polytopic": record["family"] in ("polytopic", "descriptor"), "holds_faults": "faults" in record,
              "boxes": "alive" in members, "sliding": "level" in members,
-             "has_frames": "frame_lo" in members,
+             "has_frames": "frame_lo" in members, "follows": "followed" in members,
              "has_origin": "origin" in members, "has_shape": "shape" in members,
              "bank": record["family"] == "bank",
              "square_shape": record["family"].startswith("ellipsoid"), "signed_shape": record["family"] != "box",
@@ -91,22 +91,32 @@ def failure(command: list, cwd: Path) -> str:
     return "" if done.returncode == 0 else f"status {done.returncode}: {(done.stderr or done.stdout)[:2000]}"
 
 
+def compiled(sources: list[Path], flags: list[str], cwd: Path, warnings=WARNINGS) -> str:
+    """Compile sources as the flags say; return what is wrong, or nothing."""
+    return failure(["gcc", "-std=c99", "-ffp-contract=off", *warnings, *flags, *sources], cwd)
+
+
 def compile_and_run(sources: list[Path], flags: list[str], cwd: Path, warnings=WARNINGS) -> str:
     """Compile sources to one program and run it; return what is wrong, or nothing."""
-    wrong = failure(["gcc", "-std=c99", "-ffp-contract=off", *warnings, *flags, *sources, "-o", "a.out", "-lm"], cwd)
+    wrong = compiled([*sources, "-o", "a.out", "-lm"], flags, cwd, warnings)
     return f"compile: {wrong}" if wrong else failure(["./a.out"], cwd)
 
 
 def check_folder(folder: Path, scratch: Path, builds=tuple(BUILDS)) -> list[str]:
     """Run all tests of one folder; return the failures (status n: check in line n of the test, or sample n)."""
     record = json.loads((folder / "resources.json").read_text(encoding="ascii"))
-    prefix = record["prefix"]
+    source = folder / f"{record['prefix']}.c"
     (scratch / "case.h").write_text(case(record), encoding="ascii")
     paths = [f"-I{scratch}", f"-I{folder}", f"-I{HERE}"]
     failures = []
     for build in builds:
-        for test in (*UNIT_TESTS, folder / f"test_{prefix}.c"):
-            wrong = compile_and_run([folder / f"{prefix}.c", test], [*paths, *BUILDS[build]], scratch)
+        flags = [*paths, *BUILDS[build]]
+        wrong = compiled([source, "-c", "-o", "observer.o"], flags, scratch)  # once for all programs
+        if wrong:
+            failures.append(f"{folder.name}, {source.name}, {build}: compile: {wrong}")
+            continue
+        for test in (*UNIT_TESTS, folder / f"test_{source.name}"):
+            wrong = compile_and_run(["observer.o", test], flags, scratch)
             failures += [f"{folder.name}, {test.name}, {build}: {wrong}"] if wrong else []
     return failures
 

@@ -180,7 +180,7 @@ def assurance(folder):
 def prove_(folder):
     """Prove the C: no run-time error and a box that no call leaves (Frama-C), rounding within its margins (Gappa)."""
     from .pipeline import record
-    from .target.gappa import prove_rounding, require_rounding
+    from .target.gappa import nothing_to_prove, prove_rounding, require_rounding
     from .target.prove import prove, require
 
     with Progress() as progress:
@@ -189,6 +189,9 @@ def prove_(folder):
     show.proof(result)
     show.recorded(record(folder, "prove", result))
     require(result)
+    if why := nothing_to_prove(folder):
+        click.echo(why)
+        return
     with Progress() as progress:
         progress("Gappa")
         margins = prove_rounding(folder)

@@ -10,7 +10,7 @@ from typing import Any
 
 from . import __version__
 from .analysis.detectability import surely_detected
-from .certify import driven_certificate, mode_certificate, set_claims, sliding_claims
+from .certify import driven_certificate, follower_certificate, mode_certificate, set_claims, sliding_claims
 from .certify.claims import check, check_monitor, check_ranges, digest
 from .certify.freeze import limits
 from .errors import CertificateError, PlantError, ResiduaError
@@ -19,6 +19,7 @@ from .observers import (
     BankTables,
     DrivenTables,
     FilterTables,
+    FollowerTables,
     ModeTables,
     PointTables,
     PolytopicTables,
@@ -193,6 +194,8 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
     """
     if isinstance(t, DrivenTables):
         return driven_certificate.check(bounded(plant), plant.observed.modes, t, cert)
+    if isinstance(t, FollowerTables):
+        return follower_certificate.check(plant, t, cert)
     if isinstance(t, ModeTables):
         return mode_certificate.check(bounded(plant), t, cert)
     if isinstance(t, SlidingTables):

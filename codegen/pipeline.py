@@ -308,6 +308,9 @@ def require(made: Design, real: str, outcomes: list[Outcome]) -> None:
             raise ValidationError(f'scenario "{o.scenario.name}": C and reference differ in '
                                   f'{", ".join(o.differences)}, expected ==. '
                                   "Check the compiler for -ffast-math or contraction.")
+        if o.steering is not None and o.steering.broken:
+            raise ValidationError(f'scenario "{o.scenario.name}": {o.steering.broken[0]} (found), expected what the '
+                                  "certificate says. Do the matrices hold on the real plant?")
         if o.late:
             raise ValidationError(f'scenario "{o.scenario.name}": a mode ruled out by then was decided for at {o.late} '
                                   "samples, expected none. Does the scenario keep to the declared bounds and dwell "

@@ -10,9 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from .errors import DesignError
-from .plant.detector import fault_parameters
 from .plant.model import Plant
-from .show_modes import telling
 
 out = Console(highlight=False, soft_wrap=True)
 if not out.is_terminal:  # into a file or a pipe: do not fold the tables to 80 columns
@@ -58,7 +56,9 @@ def plant(p: Plant) -> None:
 
 def _modes(p: Plant) -> None:
     """Print the modes and how the plant switches between them."""
+    from .plant.detector import fault_parameters
     from .plant.properties import properties
+    from .show_modes import telling
 
     if faults := fault_parameters(p):
         out.print(f"\ndetector: observers of this plant bear {', '.join(faults)}; where these stand for faults, one of "

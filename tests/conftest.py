@@ -5,10 +5,9 @@ import os
 from pathlib import Path
 
 import pytest
+from helpers.folders import built
 
 from codegen import read_design
-from codegen.emit.package import generate
-from codegen.host.build import build
 from codegen.plant.load import load, loads
 from codegen.selection.select import choose
 
@@ -18,11 +17,18 @@ ROOT = Path(__file__).resolve().parents[1]
 APART = {"test_c_tests", "test_continuous", "test_boards", "test_analyse", "test_coverage", "test_prove", "test_fuzz"}
 
 
-def pytest_collection_modifyitems(items):
-    """Say what belongs together (``--dist loadgroup``)."""
-    for item in items:
-        if item.path.stem not in APART:
-            item.add_marker(pytest.mark.xdist_group(str(item.path.relative_to(ROOT)).replace("/", "_")))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """``--dist loadfile``, but for what is APART: by the names of tests alone, as marks of groups are not read by all
+    versions of pytest and xdist."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            file = super()._split_scope(nodeid)
+            return nodeid if Path(file).stem in APART else file
+
+    return Scheduling(config, log) if config.getvalue("dist") == "loadfile" else None
 
 
 class Workshop:
@@ -69,7 +75,7 @@ class Workshop:
         """The compiled C of a design."""
         if (design.digest, real) not in self.drivers:
             name = f"{design.digest[:16]}_{real}_{os.getpid()}"
-            self.drivers[design.digest, real] = build(generate(design, self.folder / name, real=real))
+            self.drivers[design.digest, real] = built(design, self.folder / name, real, design.plant.target.layout)
         return self.drivers[design.digest, real]
 
 

@@ -27,6 +27,17 @@ def half(lo: Array, hi: Array) -> Array:
     return (hi - lo) / 2.0
 
 
+def sizes(lo: Array, hi: Array) -> Array:
+    """Largest magnitude of each range; 1 where there is none.
+
+    Parameters
+    ----------
+    lo, hi : ndarray (n,)
+    """
+    size = np.maximum(np.abs(lo), np.abs(hi))
+    return np.where(np.isfinite(size) & (size > 0), size, 1.0)
+
+
 def with_products(lo, hi, products) -> tuple[list, list]:
     """Bounds of parameters with those of their products behind them; floats or rationals.
 

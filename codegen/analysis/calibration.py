@@ -53,19 +53,40 @@ def confidence(runs: int, probability: float, blocks: int = 1) -> float:
     ValueError
         A number is out of its range.
     """
+    value = float(exact_confidence(runs, probability, blocks))
+    return max(float(np.nextafter(value, 0.0)), 0.0)
+
+
+def exact_confidence(runs: int, probability: float, blocks: int = 1) -> Fraction:
+    """The same, as a fraction.
+
+    Parameters
+    ----------
+    runs : int
+    probability : float
+    blocks : int
+
+    Returns
+    -------
+    Fraction
+
+    Raises
+    ------
+    ValueError
+        A number is out of its range.
+    """
     if not 0 < probability < 1 or runs < 0 or blocks < 1:
         raise ValueError(f"confidence: {runs} runs, probability {probability}, {blocks} blocks (found), expected "
                          "0 < probability < 1 and at least one block.")
     if runs < blocks:
-        return 0.0
+        return Fraction(0)
     p, q = (Fraction(probability).numerator, Fraction(1 - Fraction(probability)).numerator)
     whole = Fraction(probability).denominator
     term, total = q**runs, 0  # C(N, i) p^i q^(N - i), all over whole^N
     for i in range(blocks):
         total += term
         term = term * (runs - i) * p // ((i + 1) * q)  # exact: q divides, as does i + 1
-    value = float(1 - Fraction(total, whole**runs))
-    return max(float(np.nextafter(value, 0.0)), 0.0)
+    return 1 - Fraction(total, whole**runs)
 
 
 def runs_needed(probability: float, wanted: float, blocks: int = 1) -> int:

@@ -5,6 +5,8 @@ Plant and observer side by side, as the plant's own equations and the tables say
     E x+ = A x + B u + Bw w + Bf f,   y = C x + Dv v + Df f         (a continuous plant by Euler steps of the period)
     x_hat = z + T2 y,   r = y - C x_hat,   z+ = F x_hat + G u - K r,   out = M r
 
+or, of an observer that solves the algebraic equations itself, x_hat = P z + Q u, z and u at the same sample.
+
 Inputs are in units of their largest sizes. What is proved holds for weights that move; this shows where in frequency a
 fault is seen: an observer that sees fast faults well may see none that lasts.
 """
@@ -16,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
+from ..algebra.interval import sizes
 from .panels import ALARM, EDGE
 from .plots import WIDTH
 from .svg import style
@@ -64,7 +67,7 @@ def responses(plant, t, seen: Array | None = None, faults: Array | None = None) 
     p, T = plant.polytope, plant.sample_period
     seen = np.arange(plant.n_y) if seen is None else seen
     faults = np.arange(plant.n_f) if faults is None else faults
-    u, w, v, f = (_size(plant, vector) for vector in "uwvf")
+    u, w, v, f = (sizes(*plant.limits(vector)) for vector in "uwvf")
     angle = np.pi * np.geomspace(SLOWEST, 1.0, POINTS)
     none = np.zeros((plant.n_y, plant.n_u + plant.n_w))
     out = []
@@ -83,12 +86,6 @@ def responses(plant, t, seen: Array | None = None, faults: Array | None = None) 
     return Responses(angle / (2 * np.pi * T), largest, _least(G[..., own + faults]))
 
 
-def _size(plant, vector: str) -> Array:
-    lo, hi = plant.limits(vector)
-    size = np.maximum(np.abs(lo), np.abs(hi))
-    return np.where(np.isfinite(size) & (size > 0), size, 1.0)
-
-
 def _least(G: Array) -> Array:
     """Smallest gain of a direction of the inputs: none where there are more of them than outputs."""
     if G.shape[-1] > G.shape[-2]:
@@ -101,6 +98,9 @@ def _side_by_side(E: Array, A: Array, B: Array, C: Array, D: Array, t, j: int, u
     n = len(E)
     T2, Co, F, G, K, M = (np.asarray(a, dtype=float) for a in (t.T2, t.C, t.F[j], t.G[j], t.K[j], t.M))
     estimate, fed = np.hstack([T2 @ C, np.eye(n)]), T2 @ D
+    if hasattr(t, "algebraic"):
+        of_z, of_u = t.estimate(j)
+        estimate, fed = np.hstack([np.zeros((n, n)), of_z]), np.hstack([of_u * u, np.zeros((n, D.shape[1] - len(u)))])
     r, direct = np.hstack([C, np.zeros((len(C), n))]) - Co @ estimate, D - Co @ fed
     zeros = np.zeros((n, n))
     step = np.vstack([np.hstack([A, zeros]), F @ estimate - K @ r])

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from ..observers import BankTrace, FilterTrace, Trace
 from ..plant.model import Plant, PlantTrace
-from . import bank_panels, filter_panels, panels
+from . import bank_panels, filter_panels, panels, tracking_panels
 from .panels import Run
 from .svg import style
 
@@ -50,6 +50,30 @@ def state_figure(run: Run) -> Figure:
     Figure
     """
     return _draw(run, _states(run), _keys("true state" if run.simulated else "", outside=False))
+
+
+def tracking_figure(run: Run, steering, rows: tuple[int, ...]) -> Figure:
+    """Draw what a tracking law did: every output with its reference, every input within its limits.
+
+    Parameters
+    ----------
+    run : Run
+    steering : Steering
+    rows : tuple of int
+        Outputs that follow a reference.
+
+    Returns
+    -------
+    Figure
+    """
+    stack = [(1.4, lambda axis, j=j, row=row: tracking_panels.followed(axis, run, steering, row, j))
+             for j, row in enumerate(rows)]
+    stack += [(1.2, lambda axis, i=i: tracking_panels.commanded(axis, run, steering, i)) for i in range(run.plant.n_u)]
+    keys = [Line2D([], [], color=panels.TRUTH, linewidth=1.1, label="output"),
+            Line2D([], [], color=panels.MODE, linewidth=1.0, label="input"),
+            Line2D([], [], color=panels.EDGE, linewidth=0.9, linestyle="--", label="reference, certified limit"),
+            Patch(facecolor=panels.FAULT, alpha=0.45, label="fault acts")]
+    return _draw(run, stack, keys)
 
 
 def run_figure(run: Run) -> Figure:

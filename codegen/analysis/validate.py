@@ -17,6 +17,8 @@ from ..observers.supervisor import BAD_INPUT, BAD_MODE, BAD_PARAMETER
 from ..plant.model import Plant, PlantTrace, Scenario
 from ..plant.simulate import simulate
 from .mode_promise import dropped, keeps_the_true_mode, late, missed, unbound
+from .steering import Steering, steered
+from .steering import names as names_of
 
 Array = np.ndarray
 
@@ -57,6 +59,8 @@ class Outcome:
         were possible though none is certified to be.
     chance : int
         As ``false_alarms``, of thresholds that are calibrated and promise none.
+    steering : Steering or None
+        Of a run in which a tracking law steered the plant.
     """
 
     scenario: Scenario
@@ -69,11 +73,13 @@ class Outcome:
     episodes: list[Episode]
     late: int = 0
     chance: int = 0
+    steering: Steering | None = None
 
     @property
     def passed(self) -> bool:
-        """C equals reference, nothing lost, no false alarm, no mode decided for too long."""
-        return not self.differences and self.lost == 0 and self.false_alarms == 0 and self.late == 0
+        """C equals reference, nothing lost, no false alarm, no mode decided for too long, no law's promise broken."""
+        kept = self.steering is None or not self.steering.broken
+        return kept and not self.differences and self.lost == 0 and self.false_alarms == 0 and self.late == 0
 
 
 def sound_samples(f: Array, trace: Trace, recover: int) -> Array:
@@ -153,7 +159,7 @@ def _beyond(plant: Plant, truth: PlantTrace, trace) -> int:
 
 def validate(design, driver, names: list[str] | None = None, seed: int = 0,
              progress=lambda text: None) -> list[Outcome]:
-    """Run scenarios on the compiled C and on the reference.
+    """Run scenarios on the compiled C and on the reference; with a tracking law also in the loop with the true plant.
 
     Parameters
     ----------
@@ -175,7 +181,9 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
         A scenario that the plant file does not have.
     """
     plant = design.plant
-    known = [s.name for s in plant.scenarios]
+    law = getattr(design.observer.tables[driver.real], "law", None)
+    loops = names_of(plant) if law is not None else []
+    known = [s.name for s in plant.scenarios] + loops
     for name in names or ():
         if name not in known:
             raise PlantError(f'{plant.name}: scenario "{name}" (found), expected '
@@ -186,7 +194,7 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
         progress(f'scenario "{scenario.name}"')
         truths.append(simulate(plant, scenario, seed=seed))
     if not truths:
-        return []
+        return _steered(design, driver, loops, names, seed, progress)
     progress(f"driving {len(truths)} scenarios, {max(len(t.q) for t in truths)} samples at most")
     u, y, q, theta = side_by_side(truths)
     traces, references = (driver.run_many(u, y, q, theta=theta),
@@ -201,10 +209,20 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
             outcome = replace(outcome, false_alarms=0, chance=outcome.false_alarms)
         if cert["kind"] == "mode":
             wrong = late(plant.kind, cert, truth, trace, outcome.settled)
-            names = tuple(f.name for f in plant.f)
-            wrong += missed(plant.kind, names, cert, truth, trace, outcome.settled)
+            channels = tuple(f.name for f in plant.f)
+            wrong += missed(plant.kind, channels, cert, truth, trace, outcome.settled)
             outcome = replace(outcome, late=wrong)
         out.append(outcome)
+    return out + _steered(design, driver, loops, names, seed, progress)
+
+
+def _steered(design, driver, loops: list[str], names: list[str] | None, seed: int, progress) -> list[Outcome]:
+    """The runs of a law in the loop with the plant, judged."""
+    wanted = [name for name in loops if not names or name in names]
+    out = []
+    for run in steered(design, driver, wanted, seed, progress) if wanted else ():
+        outcome = judge(design.plant, run.scenario, run.truth, run.trace, run.differences)
+        out.append(replace(outcome, steering=run.steering))
     return out
 
 

@@ -14,7 +14,7 @@ from ..errors import CertificateError
 Node = c_ast.Node
 # What the tree needs to know of the header: which names are types.
 TYPES = ("typedef int {p}_real; typedef int {p}_status; typedef int bool; typedef unsigned int uint32_t; "
-         "typedef struct {{ int a; }} {p}_in, {p}_out, {p}_state;")
+         "typedef int int32_t; typedef struct {{ int a; }} {p}_in, {p}_out, {p}_state, {p}_law;")
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,16 @@ from ..analysis.detectability import surely_detected
 from ..certify import claims as certificate
 from ..certify import containment, criteria, freeze
 from ..errors import CertificateError
-from . import driven_claims, filter_claims, margins, mode_claims, point_claims
+from . import (
+    bank_claims,
+    driven_claims,
+    filter_claims,
+    margins,
+    mode_claims,
+    point_claims,
+    polytopic_claims,
+    sliding_claims,
+)
 from .margins import Margin
 
 GAINS = ("M", "G", "L", "N", "d")
@@ -25,7 +34,8 @@ THETA = ("signals.theta", "mode.bounds")
 EXACT = ("exact", "independent", "read-back")
 MATRICES = ("A", "B", "C", "D", "Bw", "Dv")
 #: Families whose certificate has claims of its own.
-OWN = {"filter": filter_claims, "mode": mode_claims, "driven": driven_claims}
+OWN = {"filter": filter_claims, "mode": mode_claims, "driven": driven_claims, "polytopic": polytopic_claims,
+       "sliding": sliding_claims, "bank": bank_claims}
 PLANT = (*MATRICES, "signals.x", "signals.u", "signals.y", "signals.w", "signals.v", "mode.bounds", "constants")
 
 

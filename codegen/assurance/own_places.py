@@ -1,13 +1,17 @@
-"""Where every constant of a filter, of a mode estimator or of framers that it drives stands in its C.
+"""Where every constant stands in the C of filters, mode estimators, driven framers, polytopic observers and banks.
 
-The maps of a filter and of driven framers are executed with symbols, as those of framers are (``places``). All the
-rest, and a mode estimator whole, is the same text for all numbers: its tables are read number for number, and all that
-is no number must be the tree of the C as it is printed anew, as with the sets of point observers (``point_places``).
+The maps of a filter and of driven framers are executed with symbols, as those of framers are (``places``); sums of
+polytopic observers and of banks are read one by one. All the rest, and mode estimators whole, is the same text for all
+numbers: its tables are read number for number, and all that is no number must be the tree of the C as it is printed
+anew, as with the sets of point observers (``point_places``). Directives of the preprocessor are no part of the tree:
+they are compared line by line, and numbers that they define are read.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields
+from fractions import Fraction
 
 import numpy as np
 
@@ -15,8 +19,12 @@ from ..emit import driven_parts, filter_parts
 from ..emit.maps import MapSpec, Names
 from ..emit.render import render
 from ..emit.varying import Varying
+from ..errors import CertificateError
+from .bank_places import read_bank, tables_of
 from .c_reader import Source, read
 from .point_places import UNPRINTED, read_tables, require_all, same_tree
+from .polytopic_places import read_polytopic
+from .symbolic import Coefficient, number
 
 #: Fields of the tables that are no constants of the C: coordinates in which the boxes are stated.
 OFFLINE = {"S", "S_rounded"}
@@ -24,8 +32,14 @@ OFFLINE = {"S", "S_rounded"}
 READ_BY_MAPS = {"M", "G", "L", "K", "Du", "Dy"}
 
 
+#: Boxes that the C of a family holds as they are in the tables.
+PRINTED = {"sliding": {"x_lo", "x_hi", "x0_lo", "x0_hi"}}
+#: A real number that is defined in the C: name and value.
+DEFINED = r"#define (\w+) ((?=[\d.]*[.e])\d[\d.]*(?:e[+-]?\d+)?F?)(?=\s|$)"
+
+
 def maps(family: str, t, names: Names, d) -> tuple[MapSpec | Varying, ...]:
-    """The affine maps that can be executed with symbols; none of a mode estimator, whose boxes take turns."""
+    """The affine maps that can be executed with symbols, of filters and driven framers."""
     if family == "driven":
         return driven_parts.maps(t.told, names, d.x, d.y)
     return filter_parts.maps(t, names, next(z.faults for z in d.sets)) if family == "filter" else ()
@@ -50,10 +64,63 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
     CertificateError
         A number, a table or anything else differs from the tables or from the C as it is printed.
     """
-    same_tree(source, read(d.prefix, render(f"{d.family}.c.jinja", d=d), render(d.header, d=d)))
-    every = {f.name: getattr(t, f.name) for f in fields(t)}
-    known = {k: v for k, v in every.items() if isinstance(v, np.ndarray) and k not in UNPRINTED | OFFLINE}
+    fresh = read(d.prefix, render(f"{d.family}.c.jinja", d=d), render(d.header, d=d))
+    same_tree(source, fresh)
+    same_directives(source, fresh)
+    if design.observer.family == "polytopic":  # its sums are statements, read one by one
+        read_apart |= read_polytopic(source, d.prefix, t, found)
+        read_tables(source, d.real, {}, [], read_apart, set(), set(), found)
+        return
+    if design.observer.family == "bank":
+        read_apart, known = read_apart | read_bank(source, d.prefix, t, found), tables_of(t)
+        read_tables(source, d.real, known, [], read_apart, set(), seen := set(), found)
+        require_all(source, known, seen)
+        return
+    every, boxes = {f.name: getattr(t, f.name) for f in fields(t)}, PRINTED.get(design.observer.family, set())
+    known = {k: v for k, v in every.items() if isinstance(v, np.ndarray) and k not in (UNPRINTED - boxes) | OFFLINE}
     known |= {"frame_limit": t.told.box, "forth": t.S_rounded} if "told" in every else {}  # as the C calls them
     seen = set(READ_BY_MAPS) if design.observer.family == "filter" else set()
-    read_tables(source, d.real, known, [m.name for m in design.plant.modes], read_apart, set(), seen, found)
+    defined = read_macros(source, d.macro, d.real, known, found)
+    seen |= defined
+    here = {k: v for k, v in known.items() if k not in defined}
+    read_tables(source, d.real, here, [m.name for m in design.plant.modes], read_apart, set(), seen, found)
     require_all(source, known, seen)
+
+
+def same_directives(source: Source, fresh: Source) -> None:
+    """Compare what the preprocessor is told, comments apart.
+
+    Raises
+    ------
+    CertificateError
+        Naming the first line that differs.
+    """
+    given, expected = ([(n, re.sub(r"\s*/\*.*", "", line)) for n, line in enumerate(s.lines, 1) if "#" in line
+                        and line.lstrip().startswith("#")] for s in (source, fresh))
+    other = next((n for (n, a), (_, b) in zip(given, expected) if a != b), None)
+    if other or len(given) != len(expected):
+        raise CertificateError(f"{source.name}:{other or len(source.lines)}: what the preprocessor is told is not what "
+                               "residua prints of this design. Print it again.")
+
+
+def read_macros(source: Source, macro: str, real: str, known: dict, found) -> set[str]:
+    """Read the real numbers that are defined, each the constant of its name; return these names.
+
+    Raises
+    ------
+    CertificateError
+        A number of another name, or another number.
+    """
+    names = set()
+    for line, text in enumerate(source.lines, 1):
+        defined = re.match(DEFINED, text)
+        if defined is None:
+            continue
+        name = defined[1].removeprefix(f"{macro}_").lower()
+        if name not in known:
+            raise CertificateError(f"{source.name}:{line}: {defined[1]} is no number of the tables (expected none). "
+                                   "Print it again.")
+        c = Coefficient(Fraction(number(defined[2], real)), defined[2], line)
+        found.add(name, "", defined[1], (), known[name], c)
+        names.add(name)
+    return names

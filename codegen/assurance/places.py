@@ -85,7 +85,7 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
                     read_varying(source, spec, moved, q, mode, found)
                 else:
                     _read_map(source, spec, q, mode, found)
-        _read_checks(source, d, names.modes, t, found)
+        _read_checks(source, d, names.modes or ("",), t, found)
         if whole:
             plain = [spec.spec if isinstance(spec, Varying) else spec for spec in specs]
             apart = {f for f in source.functions if f.startswith(tuple(spec.name for spec in plain))}

@@ -95,7 +95,8 @@ def read_tables(source: Source, real: str, known: dict, modes: list[str], read_a
                 if not any(_numbers(node, real, set())):
                     continue  # whole numbers: the tree is that of the C as it is printed anew
                 inside |= {id(n) for n in walk(node)}
-                order = {k: known[k] for k in sorted(known, key=lambda k: (k != node.name, k in seen))}
+                side = f"{node.name}_{function.rsplit('_', 1)[-1]}"
+                order = {k: known[k] for k in sorted(known, key=lambda k: (k not in (node.name, side), k in seen))}
                 seen |= _match(source, function, node, order, modes, real, found)
         for c in () if function in starts else _numbers(definition.body, real, inside):
             name = next((k for k, v in known.items() if v.size == 1 and v.ndim == 0 and c.value
@@ -204,7 +205,7 @@ def _match(source: Source, function: str, node: Node, known: dict, modes: list[s
                                "design's tables (expected one, number for number). Print it again.")
     name = next(iter(names))
     value = known[name]
-    by_mode = value.ndim > 1 and len(value) == len(modes) and name in MODE_FIRST
+    by_mode = value.ndim > (name == "H") + 1 and len(value) == len(modes) and name in MODE_FIRST
     for at, c in zip(names[name], entries):
         index = tuple(int(i) for i in np.unravel_index(at, value.shape))
         mode, index = (modes[index[0]], index[1:]) if by_mode else ("", index)
@@ -214,7 +215,7 @@ def _match(source: Source, function: str, node: Node, known: dict, modes: list[s
 
 #: Fields whose first axis is the mode: the document gives them mode by mode.
 MODE_FIRST = {*"MACVHPS", "F", "Fb", "Hb", "rho", "k", "kb", "kr", "Pb", "gb", "powers", "rows", "Phi", "Gamma",
-              "shift", "reach"}
+              "shift", "reach", "G", "M_hi", "M_lo", "L_hi", "L_lo", "K_hi", "K_lo", "d_hi", "d_lo"}
 
 
 #: Fields whose first two axes are modes, of which the C has those of two different ones.

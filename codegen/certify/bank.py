@@ -116,8 +116,8 @@ def output_gain(problem, gains, M: Array, T1: Array, P1: Array, period: float) -
     return level_model(problem, gains, M, T1, period).C[:, :len(P1)]
 
 
-def check(problem, gains, M: Array, proof: dict, start: dict, t) -> None:
-    """Check the settling time of one member; that of the bank is the longest.
+def check(problem, gains, M: Array, proof: dict, start: dict, t) -> dict[str, fmpq]:
+    """Check the settling time of one member, that of the bank is the longest; return the square that is left.
 
     Parameters
     ----------
@@ -150,6 +150,7 @@ def check(problem, gains, M: Array, proof: dict, start: dict, t) -> None:
         raise CertificateError(f"certificate: after {t.settle} samples the start of member {p} may still be "
                                f"{float(left) ** 0.5:.3g} in its average (found), expected at most "
                                f"{float(SHARE):g} of its threshold {float(t.bound[p]) ** 0.5:.3g}.")
+    return {"settled": SHARE * SHARE * Q(float(t.bound[p])) - left}
 
 
 def isolable(plant, t, cert: dict) -> list[float]:
@@ -166,7 +167,16 @@ def isolable(plant, t, cert: dict) -> list[float]:
     sizes : list of float
         In the units of the faults.
     """
+    heard = [2 * np.sqrt(float(b)) / m["beta"] * (1 + 1e-14) for b, m in zip(t.bound, cert["members"])]
+    return [up(Q(max(h for p, h in enumerate(heard) if p != k) * size)) for k, size in enumerate(units(plant))]
+
+
+def units(plant) -> Array:
+    """The largest size of each fault in its range, or 1 where it has none, (n_f,).
+
+    Parameters
+    ----------
+    plant : Plant
+    """
     size = np.maximum(*np.abs(plant.limits("f")))
-    size = np.where(np.isfinite(size) & (size > 0), size, 1.0)
-    heard = [2 * np.sqrt(float(b)) / m["beta"] for b, m in zip(t.bound, cert["members"])]
-    return [up(Q(max(h for p, h in enumerate(heard) if p != k) * size[k])) for k in range(plant.n_f)]
+    return np.where(np.isfinite(size) & (size > 0), size, 1.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from flint import fmpq, fmpq_mat
+from flint import arb, ctx, fmpq, fmpq_mat
 
 from ..errors import CertificateError
 
@@ -79,19 +79,17 @@ def eye(n: int) -> Array:
 def leading_failure(S: Array) -> int | None:
     """Index of the first non-positive pivot of the symmetric rational S, or None: S is positive definite.
 
-    Plain LDL' elimination without pivoting; exact, so its answer is a proof either way.
+    Elimination without pivoting, of whole numbers without fractions (Bareiss): the numbers stay minors of S times its
+    denominator. Exact, so its answer is a proof either way.
     """
-    M = fmpq_mat([[Q(x) for x in row] for row in S])
-    n = M.nrows()
-    for k in range(n):
-        pivot = M[k, k]
+    whole, _ = fmpq_mat([[Q(x) for x in row] for row in S]).numer_denom()  # the denominator is positive
+    rows, last = whole.tolist(), 1
+    while rows:
+        (pivot, *top), *below = rows
         if pivot <= 0:
-            return k
-        for i in range(k + 1, n):
-            if M[i, k] != 0:
-                factor = M[i, k] / pivot
-                for j in range(k + 1, n):
-                    M[i, j] -= factor * M[k, j]
+            return len(S) - len(rows)
+        rows = [[(pivot * x - row[0] * t) // last for x, t in zip(row[1:], top)] for row in below]
+        last = pivot
     return None
 
 
@@ -112,3 +110,48 @@ def _directed(value: fmpq, real: str, direction: float) -> float:
     while (Q(guess) < value) if direction > 0 else (Q(guess) > value):
         guess = np.nextafter(guess, dtype(direction))
     return float(guess)
+
+
+def pivots(S: Array, bits: int = 320) -> list[fmpq]:
+    """Numbers that no pivot of the symmetric rational S is below; the last is not positive where S is not definite.
+
+    The elimination is done in balls, and where these are too wide exactly: fractions of thousands of digits take ten
+    times as long, for matrices of thirty rows.
+
+    Parameters
+    ----------
+    S : object array (n, n)
+        Exact.
+    bits : int
+    """
+    before, ctx.prec = ctx.prec, bits
+    try:
+        M, out = [[arb(x) for x in row] for row in S], []
+        for k, row in enumerate(M):
+            if not row[k] > 0:
+                return _exact_pivots(S) if row[k].contains(0) else [*out, _below(row[k])]
+            out.append(_below(row[k]))
+            for below in M[k + 1:]:
+                factor = below[k] / row[k]
+                for j in range(k + 1, len(M)):
+                    below[j] -= factor * row[j]
+        return out
+    finally:
+        ctx.prec = before
+
+
+def _below(ball: arb) -> fmpq:
+    """A number that is not above a ball, and above zero where the ball is."""
+    least = float(ball.lower())
+    return Q(np.nextafter(least, 0.0 if least > 0 else -np.inf)) if least else fmpq(0)
+
+
+def _exact_pivots(S: Array) -> list[fmpq]:
+    """Pivots of symmetric elimination; ends at the first that is not positive."""
+    S, out = S.copy(), []
+    for k in range(len(S)):
+        out.append(S[k, k])
+        if S[k, k] <= 0:
+            break
+        S[k + 1:] = S[k + 1:] - np.outer(S[k + 1:, k] / S[k, k], S[k])
+    return out

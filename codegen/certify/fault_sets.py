@@ -15,11 +15,14 @@ Columns of W that move little are put together, one for each row: that makes the
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
 from flint import fmpq
 
 from ..errors import CertificateError
-from .exact import Q, inverse, leading_failure, product, rational, up, zeros
+from .exact import Q, inverse, leading_failure, pivots, product, rational, up, zeros
 from .fault_bounds import model
 from .polytope_bounds import middle
 
@@ -100,8 +103,31 @@ def levels(first: fmpq, share: fmpq, tau: fmpq, count: int) -> list[fmpq]:
     return out
 
 
-def check(plant, problem, t, cert: dict, T1: Array, period: float | None, bend: Array) -> None:
-    """Check all thresholds of a table.
+@dataclass(frozen=True)
+class Condition:
+    """One condition of a table: what it is about, where, what is left of it, and the words of its refusal.
+
+    "kept" are pivots, "threshold" squares of what thresholds leave: the first must be positive, none may be negative.
+    """
+
+    what: str
+    where: str
+    left: fmpq
+    words: str
+
+    def require(self) -> None:
+        """Refuse where it does not hold.
+
+        Raises
+        ------
+        CertificateError
+        """
+        if self.left < 0 or (self.what == "kept" and self.left == 0):
+            raise CertificateError(f"certificate: {self.words}")
+
+
+def conditions(plant, problem, t, cert: dict, T1: Array, period: float | None, bend: Array) -> Iterator[Condition]:
+    """All conditions of a table; each rests on those before it.
 
     Parameters
     ----------
@@ -115,10 +141,15 @@ def check(plant, problem, t, cert: dict, T1: Array, period: float | None, bend: 
     period : float or None
     bend : ndarray (n_x,)
 
+    Yields
+    ------
+    Condition
+        "kept", "last", "start" or "threshold".
+
     Raises
     ------
     CertificateError
-        Naming what fails.
+        The certificate is of another shape, or boxes are not within each other.
     """
     found, T1E = model(plant, problem, t, T1, period, bend)
     P, share, last = rational(np.array(cert["P"], dtype=float)), Q(cert["share"]), Q(cert["level"])
@@ -135,12 +166,11 @@ def check(plant, problem, t, cert: dict, T1: Array, period: float | None, bend: 
         S, n = -product(both.T, product(P, both)), len(P)
         S[:n, :n] += share * P
         S[n:, n:] += np.diag(D)
-        if leading_failure(S) is not None:
-            raise CertificateError(f'certificate: the ellipsoid of the error is not kept at vertex "{name}". Try '
-                                   "float64, a faster decay or larger gains.")
+        yield Condition("kept", f'vertex "{name}"', min(pivots(S)), f'the ellipsoid of the error is not kept at vertex '
+                        f'"{name}". Try float64, a faster decay or larger gains.')
         tau = max(tau, sum(D, fmpq(0)))
-    if share * last + tau > last:
-        raise CertificateError(f"certificate: the last level {cert['level']:.6g} of the error is not kept.")
+    yield Condition("last", "", last - share * last - tau, f"the last level {cert['level']:.6g} of the error is not "
+                    "kept.")
     if not 0 <= t.shift < 16 or not 0 <= t.start <= t.last:
         raise CertificateError(f"certificate: the table of {t.last + 1} rows starts at {t.start}.")
     if not all(np.all(a <= z) and np.all(z <= c) for z in (t.z0, t.z_mid) for a, c in [(t.z_lo, t.z_hi)]):
@@ -150,17 +180,26 @@ def check(plant, problem, t, cert: dict, T1: Array, period: float | None, bend: 
     first, whole = (first_level(P, G) for G in starts(plant, t, T1E))
     sizes, count = unit_bounds(found[0], P), t.last << t.shift
     proved = levels(whole, share, tau, count)
-    if first > (last if t.start == t.last else proved[t.start << t.shift]):
-        raise CertificateError(f"certificate: the initial box is not within the level of row {t.start}.")
+    held = last if t.start == t.last else proved[t.start << t.shift]
+    yield Condition("start", f"row {t.start}", held - first, f"the initial box is not within the level of row "
+                    f"{t.start}.")
     for k, level in enumerate([*proved[:count], last]):
-        _holds(level, sizes, found[0].room, t.h[min(k >> t.shift, t.last)], f"{k} samples after a start")
-    if proved[count] > last:
-        raise CertificateError(f"certificate: after {count} samples the error is not within the last level.")
+        for i, (size, room, h) in enumerate(zip(sizes, found[0].room, t.h[min(k >> t.shift, t.last)])):
+            when, left = "in the end" if k == count else f"{k} samples after a start", Q(h) - room
+            yield Condition("threshold", f"residual {i}, {when}", min(left, left * left - level * size),
+                            f"residual {i} reaches {float(level * size) ** 0.5 + float(room):.6g} {when}, its "
+                            f"threshold is {float(h):.6g}.")
+    yield Condition("last", f"after {count} samples", last - proved[count],
+                    f"after {count} samples the error is not within the last level.")
 
 
-def _holds(level: fmpq, sizes: list[fmpq], rooms: Array, given: Array, when: str) -> None:
-    for i, (size, room, h) in enumerate(zip(sizes, rooms, given)):
-        left = Q(h) - room
-        if left < 0 or left * left < level * size:
-            raise CertificateError(f"certificate: residual {i} reaches {float(level * size) ** 0.5 + float(room):.6g} "
-                                   f"{when}, its threshold is {float(h):.6g}.")
+def check(plant, problem, t, cert: dict, T1: Array, period: float | None, bend: Array) -> None:
+    """Check all thresholds of a table; arguments as `conditions`.
+
+    Raises
+    ------
+    CertificateError
+        Naming what fails.
+    """
+    for condition in conditions(plant, problem, t, cert, T1, period, bend):
+        condition.require()

@@ -1,8 +1,7 @@
 """Independent checker of a design: ``python independent.py DIR``, standard library only, nothing of residua imported.
 
 From the plant text, the tables and every literal of the C it proves again, in exact fractions, what the certificate
-claims, or names the first condition that fails (status 1). Parameters, unknowns and continuous plants are handed over
-to ``independent_lpv.py``, others to ``_sets``, ``_filter``, ``_births``, ``_driven``. Of the gains and T = I - N C:
+claims, or names the first condition that fails (status 1). Others are handed over (BESIDE). With T = I - N C:
     (T A - L C - M) x + (T B - L D - G) u + T Bw w - L Dv v - N Dv v+  +  rounding of inputs and sums  <=  d_hi
 
 for all x in [-box, box], u, w, v in range; mirrored for d_lo. A product or sum is off by u |value| + tiny.
@@ -19,6 +18,8 @@ from pathlib import Path
 
 UNIT = {"float32": (F(1, 2**24), F(1, 2**126)), "float64": (F(1, 2**53), F(1, 2**1022))}
 SIDES = (("hi", 1), ("lo", -1))
+BESIDE = dict(members="bank", vary="lpv", shape="sets", lost="filter", told="driven", birth="births", z_mid="polytopic",
+              z_limit="sliding")
 
 
 def demand(condition, text):
@@ -233,10 +234,9 @@ def check_source(text, t):
 def main(folder):
     """Check a folder."""
     design, record = (json.loads((folder / f"{name}.json").read_text()) for name in ("design", "resources"))
-    for key, other in {"vary": "lpv", "shape": "sets", "lost": "filter", "told": "driven", "birth": "births"}.items():
-        if any(key in t for t in design["tables"].values()):
-            sys.path.append(str(Path(__file__).parent))  # beside this file
-            sys.exit(__import__(f"independent_{other}").main(folder, design, record))
+    for other in (name for key, name in BESIDE.items() if any(key in t for t in design["tables"].values())):
+        sys.path.append(str(Path(__file__).parent))  # beside this file
+        sys.exit(__import__(f"independent_{other}").main(folder, design, record))
     modes, ranges, box0 = read_plant(design["plant"]["toml"])
     for real, t in design["tables"].items():
         check_claims(modes, t, design["certificate"][real], *check_tables(modes, t, ranges, box0))

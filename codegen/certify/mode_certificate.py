@@ -78,7 +78,7 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
             **({"switches": "at samples"} if plant.kind == "discrete" else {})}
     kept: dict = {}
     proved(plant, t, cert, kept)
-    faults = surely_found(plant, claims_on(plant, t, cert), found.widths, found.quiet)
+    faults = found_faults(plant, t, cert)
     return t, cert | ({"faults": faults} if faults else {}) | {"witnesses": mode_witness.stated(kept, found.widths)}
 
 
@@ -91,6 +91,21 @@ def claims_on(plant, t, cert: dict, kept: dict | None = None) -> Claims:
 FRAMERS = ("told", "S_rounded", "xi_room")
 #: Delays by what they follow from: a folder's design is proved more than once in one run.
 _KNOWN: dict[str, ModeDelays] = {}
+#: Faults that are surely found, alike.
+_FOUND: dict[str, list] = {}
+
+
+def found_faults(plant, t, cert: dict) -> list[dict]:
+    """Steps of sensors that leave no mode possible, anew from the widths of a certificate (``mode_faults``)."""
+    claims, own = claims_on(plant, t, cert), {k: v for k, v in t.to_dict().items() if k not in FRAMERS}
+    acting = [[m.Df.tolist(), m.Bf.tolist()] for m in plant.modes], [[f.name, f.lo, f.hi] for f in plant.f]
+    key = digest(own, [cert["widths"], cert["quiet"], cert["dwell"]], [side.tolist() for side in (
+        *claims.x, *claims.u)], acting)
+    if key not in _FOUND:
+        if len(_FOUND) >= 32:
+            _FOUND.clear()
+        _FOUND[key] = surely_found(plant, claims, np.array(cert["widths"]), cert["quiet"])
+    return _FOUND[key]
 
 
 def proved(plant, t, cert: dict, kept: dict | None = None) -> ModeDelays:
@@ -149,8 +164,7 @@ def check(plant, t, cert: dict) -> list[str]:
         if fresh is None or cert[name] is None or cert[name] < fresh:
             raise CertificateError(f"certificate: {name} is {cert[name]} samples, only {fresh} proved.")
     if cert.get("faults"):
-        fresh = {f["channel"]: f for f in surely_found(plant, claims_on(plant, t, cert), np.array(cert["widths"]),
-                                                       cert["quiet"])}
+        fresh = {f["channel"]: f for f in found_faults(plant, t, cert)}
         for f in cert["faults"]:
             of = fresh.get(f["channel"], {"size": np.inf, "within": 0, "after": 0})
             if f["size"] < of["size"] or f["within"] < of["within"] or f["after"] < of["after"]:

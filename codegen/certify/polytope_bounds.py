@@ -11,9 +11,7 @@ column of W for all of them, and half widths, one column each. Nothing is said o
 A continuous plant moves between samples. Its mean weights and disturbance over a period are weights and a disturbance
 again, so that only the change of x since the sample is left over: T1 sum_i h_i A_i (x(t) - x), bounded by `drift`.
 
-Rounding: every sum of the C in its order (``rounding.sum_error``), what conversion does to u and y, and weights whose
-sum is not 1: ``weight_program`` makes them numbers in [0, 1], and their sum is 1 but for the rounding of a tree of
-products, or found to be so by the C itself.
+Rounding is bounded in ``polytope_rounding``.
 """
 
 from __future__ import annotations
@@ -21,12 +19,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from flint import fmpq
 
 from .exact import Q, eye, product, rational, zeros
 from .filter_model import JointMode
 from .polytope_error import standard_errors
-from .rounding import UNIT, input_error, sum_error
+from .polytope_rounding import rounding
 
 Array = np.ndarray
 #: Turns of `drift`: every one of them is sound, and they come down fast.
@@ -142,63 +139,6 @@ def drift(problem, box: Ranges, period: float) -> Array:
         change = np.minimum(change, driven + product(loss, change.reshape(-1, 1))[:, 0])
         change = rational(np.nextafter([float(v) for v in change], np.inf))  # short numbers again, none smaller
     return change
-
-
-@dataclass(frozen=True)
-class Rounding:
-    """What the C may be off by; rational object arrays.
-
-    Parameters
-    ----------
-    y : ndarray (p,), u : ndarray (m,)
-        Of the numbers that it is given.
-    x_hat : ndarray (n,), r : ndarray (p,), weighted : ndarray (p,), z : ndarray (n,)
-        Of its sums, that of z with weights that do not add up to 1.
-    """
-
-    y: Array
-    u: Array
-    x_hat: Array
-    r: Array
-    weighted: Array
-    z: Array
-
-
-def sizes(lo: Array, hi: Array) -> Array:
-    """Largest magnitudes of ranges, exactly."""
-    return np.array([max(abs(Q(a)), abs(Q(b))) for a, b in zip(lo, hi)], dtype=object).reshape(len(lo))
-
-
-def rounding(t, known=()) -> Rounding:
-    """Bound what the C of tables rounds, in its order of evaluation.
-
-    Parameters
-    ----------
-    t : PolytopicTables
-    known : sequence of fmpq
-        Largest magnitudes of the known terms.
-    """
-    real, z, y, u = t.real, sizes(t.z_lo, t.z_hi), sizes(t.y_lo, t.y_hi), sizes(t.u_lo, t.u_hi)
-
-    def row(coefficients, operands, first=()):
-        return sum_error([*first, *((Q(c), b) for c, b in zip(coefficients, operands))], real)
-
-    x_hat = [row(t.T2[i], y, [(fmpq(1), z[i])]) for i in range(len(z))]
-    most = [m for _, m in x_hat]
-    r = [row(t.C[i], most, [(fmpq(1), y[i])]) for i in range(len(y))]
-    weighted = [row(M, [m for _, m in r]) for M in t.M] if t.weighted else [(fmpq(0), m) for _, m in r]
-    operands = [*most, *u, *(m for _, m in r), *known]
-    # |sum h - 1|: what the C accepts, and the rounding of the sum that it looked at.
-    off = (8 * len(t.F) + 4) * 2 * UNIT[real]
-    after = []
-    for i in range(len(z)):
-        own = [row(np.where(t.shared[i], 0, M[i]), operands) for M in t.gains]
-        terms = [(Q(c), b) for c, b in zip(np.where(t.shared[i], t.gains[0, i], 0), operands)]
-        error, _ = sum_error([*terms, *((1 + off, m) for _, m in own)], real)
-        after.append(error + (1 + off) * max(e for e, _ in own) + off * max(m for _, m in own))
-    vectors = [[input_error(b, real) for b in y], [input_error(b, real) for b in u],
-               *([e for e, _ in values] for values in (x_hat, r, weighted)), after]
-    return Rounding(*(np.array(v, dtype=object).reshape(len(v)) for v in vectors))
 
 
 def model(plant, problem, t, T1: Array, period: float | None) -> tuple[tuple[JointMode, ...], Array]:

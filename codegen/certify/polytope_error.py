@@ -20,7 +20,7 @@ The plant's numbers are its float64 ones. ``period``: the plant by one Euler ste
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from flint import fmpq
@@ -49,6 +49,8 @@ class ErrorModel:
         r of the standard form.
     T1 : tuple of object array (n, n)
         Of the standard form: one for all vertices of the observer, or one for each.
+    ties : dict
+        (i, j) -> object array (a, 2n + m + q): rows that are zero on (e, x, u, d), of an e whose Ee is singular.
     """
 
     Ee: Array
@@ -59,6 +61,7 @@ class ErrorModel:
     D: Array
     residual: Array | None = None
     T1: tuple[Array, ...] = ()
+    ties: dict[Pair, Array] = field(default_factory=dict)
 
 
 def _plant(problem, period) -> dict[str, Array]:

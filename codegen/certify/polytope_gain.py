@@ -9,8 +9,10 @@ Discrete time: P1 > 0, P2 = Y2 > 0, V = e' P1 e + x' E' P2 E x, and for every pa
 
     V+ - V + |z|^2 - g |(u, d)|^2 + 2 c' R S' (A_i x + B_i u + Bd_i d) < 0,    c = [e; x; u; d],
 
-with any R: what it multiplies is zero. Each is a negative definite matrix of rational numbers. Then, from e = 0 and
-x = 0, the energy of z is at most g times that of (u, d), however the weights move, in continuous or discrete time.
+with any R: what it multiplies is zero. Where the observer solves its own algebraic equations it is e' Ee' P1 Ee e, and
+2 c' Re (rows that are zero, ``descriptor_error``) stands beside the term of R. Each is a negative definite matrix of
+rational numbers. Then, from e = 0 and x = 0, the energy of z is at most g times that of (u, d), however the weights
+move, in continuous or discrete time.
 
 Decay, of the error alone (x, u, d zero): P' N_j + N_j' P + 2 decay Ee' Y Ee < 0, or N_j' P1 N_j < contraction^2 P1.
 ``euler``: (I + period N_j)' P1 (I + period N_j) < P1.
@@ -20,16 +22,37 @@ Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, Theorems 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 from flint import fmpq
 
 from ..errors import CertificateError
+from .descriptor_error import descriptor_errors
 from .exact import Q, eye, leading_failure, product, rational, zeros
 from .polytope_error import ErrorModel, direct_errors, standard_errors
 
 Array = np.ndarray
+
+
+def squared_level(proof: dict) -> fmpq:
+    """The square of the level that a proof is about, not above that of the level which is claimed.
+
+    Parameters
+    ----------
+    proof : dict
+        "level2", "gamma".
+
+    Raises
+    ------
+    CertificateError
+    """
+    level = Q(proof["level2"])
+    if level < 0 or Q(proof["gamma"]) ** 2 < level or Q(proof["gamma"]) < 0:
+        raise CertificateError(f"certificate: gamma {proof['gamma']:.9g} is claimed, its square is {float(level):.9g} "
+                               "(found), expected gamma^2 at least that.")
+    return level
 
 
 def errors_of(problem, gains, proof: dict) -> ErrorModel:
@@ -40,11 +63,13 @@ def errors_of(problem, gains, proof: dict) -> ErrorModel:
     problem : DescriptorProblem
     gains : StandardGains or DirectGains
     proof : dict
-        "form" ("standard" or "direct"), "T1" of the standard form, "period" of a sampled continuous plant or None, "M"
-        where z is M r.
+        "form" ("standard", "direct" or "descriptor"), "T1" of the standard form, "period" of a sampled continuous
+        plant or None, "M" where z is M r.
     """
     if proof["form"] == "direct":
         return direct_errors(problem, gains)
+    if proof["form"] == "descriptor":
+        return descriptor_errors(problem, gains, proof.get("period"))
     model = standard_errors(problem, gains, np.array(proof["T1"]), proof.get("period"))
     if "M" not in proof:
         return model
@@ -62,7 +87,7 @@ def check(problem, gains, proof: dict) -> list[str]:
     gains : StandardGains or DirectGains
     proof : dict
         "form", "time" ("continuous" or "discrete"), "gamma", "level2", and "Y1", "X1", "Y2", "X2" (continuous) or
-        "P1", "P2", "R" (discrete); "decay" or "contraction", "euler" or None.
+        "P1", "P2", "R" (discrete; of "descriptor" "Re" and "Rc" too); "decay" or "contraction", "euler" or None.
 
     Returns
     -------
@@ -73,10 +98,7 @@ def check(problem, gains, proof: dict) -> list[str]:
     CertificateError
         Naming pair and condition.
     """
-    model, level = errors_of(problem, gains, proof), Q(proof["level2"])
-    if level < 0 or Q(proof["gamma"]) ** 2 < level or Q(proof["gamma"]) < 0:
-        raise CertificateError(f"certificate: gamma {proof['gamma']:.9g} is claimed, its square is {float(level):.9g} "
-                               "(found), expected gamma^2 at least that.")
+    model, level = errors_of(problem, gains, proof), squared_level(proof)
     if proof["time"] not in ("continuous", "discrete"):
         raise CertificateError(f"certificate: time {proof['time']!r} (found), expected continuous or discrete.")
     judge = continuous if proof["time"] == "continuous" else discrete
@@ -137,30 +159,66 @@ def discrete(names, model: ErrorModel, proof: dict, level: fmpq) -> list[str]:
     ------
     CertificateError
     """
+    words = {"level": f"the level {float(level) ** 0.5:.6g} fails",
+             "contraction": f"the contraction {proof['contraction']:.6g} fails"}
+    for kind, i, j, S in discrete_inequalities(model, proof, level):
+        refuse(S, names, i, j, words[kind])
+    steps = "" if proof.get("period") is None else f"; the plant by Euler steps of {proof['period']:.6g} s"
+    return [f"the error of the estimate shrinks at least by {proof['contraction']:.6g} per sample where nothing "
+            f"drives it{steps}"]
+
+
+def discrete_inequalities(model: ErrorModel, proof: dict, level: fmpq) -> Iterator[tuple[str, int | None, int, Array]]:
+    """Yield what must be negative definite in discrete time: "level" or "contraction", both vertices, the matrix.
+
+    Parameters
+    ----------
+    model : ErrorModel
+    proof : dict
+    level : fmpq
+
+    Raises
+    ------
+    CertificateError
+        P1, P2, R or the contraction are none.
+    """
     P1, P2 = (_positive(proof[key], key, len(model.E)) for key in ("P1", "P2"))
     n, R = len(model.E), rational(np.array(proof["R"], dtype=float).reshape(-1, model.S.shape[1]))
-    before = product(product(model.E.T, P2), model.E)
+    before, own = (product(product(E.T, P), E) for E, P in ((model.E, P2), (model.Ee, P1)))
+    free = {key: rational(np.array(proof[key], dtype=float)) for key in ("Re", "Rc") if model.ties}
     for (i, j), (A, B) in model.pairs.items():
         flow = np.concatenate([A, B], axis=1)
         e, x = flow[:n], flow[n:]
         M = product(product(e.T, P1), e) + product(product(x.T, P2), x)
-        M[:n, :n] -= P1
+        M[:n, :n] -= own
         M[n:2 * n, n:2 * n] -= before
         if model.S.shape[1]:
             if R.shape[0] != flow.shape[1]:
                 raise CertificateError(f"certificate: R has {R.shape[0]} rows (found), expected {flow.shape[1]}.")
             zero = product(R, product(model.S.T, x))
             M = M + zero + zero.T
-        refuse(_inequality(M, model, level), names, i, j, f"the level {float(level) ** 0.5:.6g} fails")
+        if model.ties:
+            zero = _tied(free["Re"], model.ties[i, j])
+            M = M + zero + zero.T
+        yield "level", i, j, _inequality(M, model, level)
     factor = Q(proof["contraction"])
     if factor < 0:
         raise CertificateError(f"certificate: contraction {proof['contraction']} (found), expected at least 0.")
+    ties = {j: tie[:, :n] for (_, j), tie in model.ties.items()}
     for j, N in _own(model).items():
-        refuse(product(product(N.T, P1), N) - factor * factor * P1, names, None, j,
-                f"the contraction {proof['contraction']:.6g} fails")
-    steps = "" if proof.get("period") is None else f"; the plant by Euler steps of {proof['period']:.6g} s"
-    return [f"the error of the estimate shrinks at least by {proof['contraction']:.6g} per sample where nothing "
-            f"drives it{steps}"]
+        M = product(product(N.T, P1), N) - factor * factor * own
+        if ties:
+            zero = _tied(free["Rc"], ties[j])
+            M = M + zero + zero.T
+        yield "contraction", None, j, M
+
+
+def _tied(R: Array, tie: Array) -> Array:
+    """R times rows that are zero."""
+    if R.shape != tie.T.shape:
+        raise CertificateError(f"certificate: a factor of the algebraic equations is {R.shape} (found), expected "
+                               f"{tie.T.shape}.")
+    return product(R, tie)
 
 
 def _own(model: ErrorModel) -> dict[int, Array]:

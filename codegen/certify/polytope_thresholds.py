@@ -6,15 +6,16 @@ declared range and z within its limits, the first one x in the initial box and z
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product as pairs_of
 
 import numpy as np
 
 from ..errors import CertificateError
-from . import filter_bounds, polytope_bounds
+from . import descriptor_bounds, filter_bounds, polytope_bounds
 from .exact import Q, rational
-from .filter_bounds import Graph
+from .filter_bounds import Demand, Graph
 from .polytope_bounds import middle
 
 Array = np.ndarray
@@ -40,6 +41,23 @@ def graph_of(model) -> Graph:
     return Graph((None,), tuple((0, p, 0) for p in range(len(model))))
 
 
+def model_of(plant, problem, t, T1: Array, period: float | None) -> tuple[tuple, Array]:
+    """The recursion of the error and T1 E, for all pairs of vertices.
+
+    Parameters
+    ----------
+    plant : Plant
+    problem : DescriptorProblem
+    t : PolytopicTables
+    T1 : ndarray (n, n) or (h, n, n)
+        Not read where the observer solves the algebraic equations itself.
+    period : float or None
+    """
+    if hasattr(t, "algebraic"):
+        return descriptor_bounds.model(plant, problem, t, period)
+    return polytope_bounds.model(plant, every_pair(problem), t, T1, period)
+
+
 def starts(plant, t, T1E: Array) -> tuple[Array, Array]:
     """Bounds of |eb| at a start from the initial box, and at one from anywhere; rational (n,).
 
@@ -52,12 +70,12 @@ def starts(plant, t, T1E: Array) -> tuple[Array, Array]:
     found = []
     for x, z in (((plant.x0_lo, plant.x0_hi), (t.z0, t.z0)), (plant.limits("x"), (t.z_lo, t.z_hi))):
         (mid, half), (at, room) = middle(*x), middle(*z)
-        found.append(abs(T1E @ mid - at) + abs(T1E) @ half + room)
+        found.append(abs(T1E @ mid - at[t.moving]) + abs(T1E) @ half + room[t.moving])
     return found[0], found[1]
 
 
-def check(plant, problem, t, cert: dict, T1: Array, period: float | None) -> None:
-    """Check all thresholds of a table.
+def demands(plant, problem, t, cert: dict, T1: Array, period: float | None) -> Iterator[Demand]:
+    """All conditions of a table; each rests on those before it.
 
     Parameters
     ----------
@@ -69,21 +87,24 @@ def check(plant, problem, t, cert: dict, T1: Array, period: float | None) -> Non
     T1 : ndarray (n, n) or (h, n, n)
     period : float or None
 
+    Yields
+    ------
+    Demand
+        "kept", "start" or "threshold".
+
     Raises
     ------
     CertificateError
-        Naming the row that fails.
+        The certificate is of another shape, boxes are not within each other, or bounds do not come down to the last.
     """
-    model, T1E = polytope_bounds.model(plant, every_pair(problem), t, T1, period)
+    model, T1E = model_of(plant, problem, t, T1, period)
     graph, rows, b = graph_of(model), np.array(cert["rows"], dtype=float), np.array(cert["bounds"], dtype=float)
     found = filter_bounds.maps(model, cert, 0)
     if b.shape != (1, len(rows)) or not np.all(b >= 0):
         raise CertificateError(f"certificate: bounds of shape {b.shape} (found), expected one row of {len(rows)} that "
                                "are not negative.")
-    over = found.after(graph, b) - b
-    if np.any(over > 0):
-        raise CertificateError(f"certificate: the set of the error is not kept: row {int(np.argmax(over[0]))} exceeds "
-                               f"its bound by {np.max(over):.3g}.")
+    yield Demand("kept", "a sample later", found.after(graph, b), b, lambda at, needed: (
+        f"the set of the error is not kept: row {at[1]} exceeds its bound by {needed[at] - b[at]:.3g}."))
     if not 0 <= t.shift < 16 or t.start not in (0, t.last):
         raise CertificateError(f"certificate: the table of {t.last + 1} rows starts at {t.start}.")
     if not all(np.all(a <= z) and np.all(z <= c) for z in (t.z0, t.z_mid) for a, c in [(t.z_lo, t.z_hi)]):
@@ -91,18 +112,29 @@ def check(plant, problem, t, cert: dict, T1: Array, period: float | None) -> Non
     if any(Q(a) < Q(c) or Q(b) > Q(d) for a, b, c, d in zip(plant.x0_lo, plant.x0_hi, *plant.limits("x"))):
         raise CertificateError("certificate: the initial box is not within the declared range.")
     first, whole = (filter_bounds.raised(abs(rational(rows)) @ half)[None] for half in starts(plant, t, T1E))
-    if t.start == t.last and np.any(first > b):
-        raise CertificateError("certificate: the initial box is not within the last bounds.")
+    last = t.start == t.last
+    yield Demand("start", f"initial box against the {'last bounds' if last else 'declared range'}", first,
+                 b if last else whole, lambda at, needed: "the initial box is not within the last bounds." if last else
+                 "the initial box is not within the declared range.")
     proved = filter_bounds.table(found, graph, b, whole, t.last << t.shift)
     for k in range(t.last << t.shift):
         needed = proved[k] if k < len(proved) else found.estimate(graph, b)
-        _holds(needed, t.h[k >> t.shift], f"{k} samples after a start")
-    _holds(found.estimate(graph, b), t.h[t.last], "in the end")
+        yield _threshold(needed, t.h[k >> t.shift], f"{k} samples after a start")
+    yield _threshold(found.estimate(graph, b), t.h[t.last], "in the end")
 
 
-def _holds(needed: Array, given: Array, when: str) -> None:
-    needed = needed.max(axis=0)
-    wrong = np.flatnonzero(needed > given.astype(float))
-    if len(wrong):
-        raise CertificateError(f"certificate: residual {wrong[0]} reaches {needed[wrong[0]]:.6g} {when}, its threshold "
-                               f"is {float(given[wrong[0]]):.6g}.")
+def check(plant, problem, t, cert: dict, T1: Array, period: float | None) -> None:
+    """Check all thresholds of a table; arguments as `demands`.
+
+    Raises
+    ------
+    CertificateError
+        Naming the row that fails.
+    """
+    for demand in demands(plant, problem, t, cert, T1, period):
+        demand.require()
+
+
+def _threshold(needed: Array, given: Array, when: str) -> Demand:
+    return Demand("threshold", when, needed.max(axis=0), given.astype(float), lambda at, needed: (
+        f"residual {at[0]} reaches {needed[at]:.6g} {when}, its threshold is {float(given[at]):.6g}."))

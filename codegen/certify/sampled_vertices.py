@@ -29,6 +29,7 @@ from flint import fmpq
 
 from ..errors import CertificateError
 from .exact import Q, eye, product, rational, up, zeros
+from .polytope_rounding import sizes
 
 Array = np.ndarray
 
@@ -80,7 +81,7 @@ def sampled_vertices(plant) -> SampledVertices:
     T = Q(plant.sample_period)
     half = T * T / 2
     A, B, Bw = ([rational(getattr(v, key)) for v in p.vertices] for key in ("A", "B", "Bw"))
-    X, U, W = (_size(plant, v) for v in "xuw")
+    X, U, W = (sizes(*plant.limits(v)) for v in "xuw")
     a, b, bw = (_largest([abs(M) for M in some]) for some in (A, B, Bw))
     D, Db, Dw = (_largest([abs(M - _middle(some)) for M in some]) for some in (A, B, Bw))
     v = _times(a, X) + _times(b, U) + _times(bw, W)
@@ -115,11 +116,6 @@ def _slopes(plant) -> Array:
             value = fmpq(int(slope.p), int(slope.q)) if slope.is_Rational else Q(float(slope))
             out[i, k] = abs(value) / (Q(z.hi) - Q(z.lo))
     return out
-
-
-def _size(plant, vector: str) -> Array:
-    lo, hi = plant.limits(vector)
-    return rational(np.maximum(np.abs(lo), np.abs(hi)))
 
 
 def _times(M: Array, v: Array) -> Array:

@@ -101,20 +101,47 @@ def check(plant, t, cert: dict) -> list[str]:
     CertificateError
         Naming the condition, the mode or the constant.
     """
-    if (t.dwell, t.blank) != (cert["dwell"], cert["blank"]) or (
-            t.dwell * Q(plant.sample_period) > Q(plant.switching.average_dwell) * (1 + fmpq(1, 10**8))):
+    rooms(plant, t, cert)
+    return sentences(plant, t, cert)
+
+
+def rooms(plant, t, cert: dict) -> list[tuple[str, fmpq, str]]:
+    """Check every condition; return of each its kind, what is left of it at least, and where.
+
+    Raises
+    ------
+    CertificateError
+        Naming the condition, the mode or the constant.
+    """
+    left: list[tuple[str, fmpq, str]] = []
+    beyond = Q(plant.switching.average_dwell) * (1 + fmpq(1, 10**8)) - t.dwell * Q(plant.sample_period)
+    if (t.dwell, t.blank) != (cert["dwell"], cert["blank"]) or beyond < 0:
         raise CertificateError(f"certificate: the dwell time of the tables is {t.dwell} samples, that of the plant "
                                f"{plant.switching.average_dwell:g} s. Design again.")
+    left.append(("dwell", beyond, ""))
     check_theorem(plant, cert)
-    check_held(plant, t, cert)
-    for q, slacks in enumerate(demands(plant, t)):
+    check_held(plant, t, cert, left)
+    for q, slacks in enumerate(demands(plant, t, left)):
         for side, slack, given in zip(SIDES, slacks, cert["errors"][q]):
             M, e = ball(getattr(t, f"M_{side}")[q]), ball(np.array(given))
             for i, after in enumerate(M @ e + slack):
-                if not after <= e[i]:
-                    raise CertificateError(f'certificate: in mode "{plant.modes[q].name}" the error {i} of x_{side} '
-                                           f"does not settle within {given[i]:.6g}.")
-    return sentences(plant, t, cert)
+                where = f'x_{side}[{i}], mode "{plant.modes[q].name}"'
+                _note(left, "error", e[i] - after, where, f'in mode "{plant.modes[q].name}" the error {i} of x_{side} '
+                      f"does not settle within {given[i]:.6g}.")
+    return left
+
+
+def _note(left: list, kind: str, room, where: str, why: str) -> None:
+    """Refuse what is not surely at least zero; keep how much it is at least.
+
+    Raises
+    ------
+    CertificateError
+    """
+    if not room >= 0:
+        raise CertificateError(f"certificate: {why}")
+    mantissa, exponent = room.lower().man_exp()
+    left.append((kind, fmpq(mantissa) * fmpq(2) ** exponent, where))
 
 
 def check_theorem(plant, cert: dict) -> None:
@@ -127,13 +154,11 @@ def check_theorem(plant, cert: dict) -> None:
     if min(Q(x) for p in cert["P"] for x in p) < 1:
         raise CertificateError(f"certificate: P is {cert['P']} (found), expected no entry below 1.")
     for q, mode in enumerate(plant.modes):
-        for side in SIDES:
-            closed = rational(mode.A) - product(rational(np.array(cert[f"L_{side}"][q])), rational(mode.C))
-            least = closed + Q(cert["limit"]) * eye(len(closed))
-            if min(least.ravel()) < 0:
-                i, j = np.unravel_index(int(np.argmin(least)), least.shape)
-                raise CertificateError(f'certificate: entry [{i}][{j}] of A - L_{side} C in mode "{mode.name}" is '
-                                       f"{float(closed[i, j]):.6g}: not Metzler within the limit of the gains.")
+        value, where = min(off_diagonal(mode, cert, q), key=lambda case: case[0])
+        if value < 0:
+            raise CertificateError(f"certificate: entry {where} is {float(value - Q(cert['limit'])):.6g} on the "
+                                   f"diagonal, or {float(value):.6g} off it: not Metzler within the limit "
+                                   "of the gains.")
         levels = {name: cert[name][q] for name in ("gamma", "beta")}
         for name, matrix in conditions(mode, cert, q, levels).items():
             if leading_failure(-matrix) is not None:
@@ -141,8 +166,20 @@ def check_theorem(plant, cert: dict) -> None:
                                        "not that of its gains.")
 
 
-def demands(plant, t) -> list[tuple[Array, Array]]:
+def off_diagonal(mode, cert: dict, q: int) -> list[tuple[fmpq, str]]:
+    """Entries of A - L C + limit I of one mode, none of which may be negative, each with its place."""
+    out = []
+    for side in SIDES:
+        closed = rational(mode.A) - product(rational(np.array(cert[f"L_{side}"][q])), rational(mode.C))
+        out += [(x, f'[{i}][{j}] of A - L_{side} C in mode "{mode.name}"')
+                for (i, j), x in np.ndenumerate(closed + Q(cert["limit"]) * eye(len(closed)))]
+    return out
+
+
+def demands(plant, t, left: list | None = None) -> list[tuple[Array, Array]]:
     """Demand that tables hold the plant; per mode what the errors of its bounds gain in a step at most, per side.
+
+    What is left of each demand goes into ``left`` (see ``rooms``).
 
     Raises
     ------
@@ -150,7 +187,7 @@ def demands(plant, t) -> list[tuple[Array, Array]]:
         Naming the constant.
     """
     with ctx.workprec(PRECISION):
-        return _Demands(plant, t).all()
+        return _Demands(plant, t, [] if left is None else left).all()
 
 
 def halves(lo: Array, hi: Array) -> tuple[Array, Array]:
@@ -169,8 +206,8 @@ def wide_of(A: Array, b: Array) -> Array:
 class _Demands:
     """The demands on one pair of plant and tables."""
 
-    def __init__(self, plant, t):
-        self.plant, self.t = plant, t
+    def __init__(self, plant, t, left: list):
+        self.plant, self.t, self.left = plant, t, left
         self.n, self.n_u, self.p = plant.n_x, plant.n_u, plant.n_y
         self.T, self.unit = arb(float(plant.sample_period)), arb(float(np.finfo(t.real).eps)) / 2
         self.tiny = arb(float(np.finfo(t.real).smallest_subnormal)) * (4 * (self.n + self.n_u + self.p) + 16)
@@ -202,16 +239,16 @@ class _Demands:
         """Every demand."""
         t, H = self.t, ball(self.t.H)
         for i in range(self.n):
-            if not self.x_size[i] <= self.far[i]:
-                raise CertificateError(f"certificate: limit[{i}] is below the range of x.")
+            _note(self.left, "limit", self.far[i] - self.x_size[i], f"state {i}",
+                  f"limit[{i}] is below the range of x.")
         apart = self.times(size(self.C - H), self.x_size) + self.lost + self.tiny
         for i in range(self.p):
             for side, given, sign in (("v_hi", t.v_hi, 1), ("v_lo", t.v_lo, -1)):
                 value = ball(given)[i]
                 terms = (self.times(size(H), self.far)[i] + self.seen[i] + abs(value)) * self.gamma(self.n + 4)
-                if not sign * value >= sign * self.noise[0][i] + self.noise[1][i] + apart[i] + terms:
-                    raise CertificateError(f"certificate: {side}[{i}] is {float(given[i]):.9g}: the true mode's test "
-                                           "could fail. Design again.")
+                needed = sign * self.noise[0][i] + self.noise[1][i] + apart[i] + terms
+                _note(self.left, "test", sign * value - needed, f"{side}[{i}]", f"{side}[{i}] is "
+                      f"{float(given[i]):.9g}: the true mode's test could fail. Design again.")
         return [self.of_mode(q) for q in range(len(self.plant.modes))]
 
     def of_mode(self, q: int) -> tuple[Array, Array]:
@@ -243,15 +280,15 @@ class _Demands:
         lost = self.gamma(self.n + self.n_u + self.p + 3) * terms + size(L) @ self.lost + self.tiny
         slack = []
         for i in range(self.n):
-            if not sign * d[i] >= sign * middle[i] + half[i] + lost[i]:
-                raise CertificateError(f'certificate: d_{side}[{i}] of mode "{self.plant.modes[q].name}" is '
-                                       f"{float(d[i].mid()):.9g}, not far enough: x could leave. Design again.")
+            where = f'd_{side}[{i}] of mode "{self.plant.modes[q].name}"'
+            _note(self.left, "offset", sign * d[i] - (sign * middle[i] + half[i] + lost[i]), where,
+                  f"{where} is {float(d[i].mid()):.9g}, not far enough: x could leave. Design again.")
             slack.append((sign * d[i] - sign * middle[i] + half[i] + lost[i]).upper())
         return np.array(slack, dtype=object)
 
 
-def check_held(plant, t, cert: dict) -> None:
-    """The gains of the tables are those of the certificate, held for a period.
+def check_held(plant, t, cert: dict, left: list) -> None:
+    """The gains of the tables are those of the certificate, held for a period; see ``rooms``.
 
     Raises
     ------
@@ -267,10 +304,10 @@ def check_held(plant, t, cert: dict) -> None:
                 exact = exponential(whole, arb(float(plant.sample_period)))
             for index in np.ndindex(n, p):
                 value, given = exact[index[0], n + index[1]], arb(float(getattr(t, f"L_{side}")[q][index]))
-                if not abs(value - given) <= abs(value) * float(np.finfo(t.real).eps) + 1e-30:
-                    raise CertificateError(f'certificate: L_{side}{list(index)} of mode "{mode.name}" is '
-                                           f"{float(given):.9g}, expected {float(value):.9g}: not the gain of the "
-                                           "conditions, held for a period. Design again.")
+                where = f'L_{side}{list(index)} of mode "{mode.name}"'
+                _note(left, "gain", abs(value) * float(np.finfo(t.real).eps) + 1e-30 - abs(value - given), where,
+                      f"{where} is {float(given):.9g}, expected {float(value):.9g}: not the gain of the conditions, "
+                      "held for a period. Design again.")
 
 
 def settled(t, q: int, side: str, slack: Array) -> Array:

@@ -11,6 +11,7 @@ sum of its magnitudes; weights add up to 1 within 4 h eps; measurements and refe
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,9 +127,9 @@ def envelope(found: Loop, gains, law, sizes: Sizes) -> dict[str, Array]:
     return {"eb": xi[:n], "x": xi[n:2 * n], "s": xi[2 * n:], "u": _raised(u), "estimate": _raised(estimate)}
 
 
-def check_envelope(bounds: dict[str, Array], sizes: Sizes, inner: dict[str, Array], speed: Array, period: float,
-                   names: dict) -> None:
-    """Refuse bounds that leave a range.
+def limits(bounds: dict[str, Array], sizes: Sizes, inner: dict[str, Array], speed: Array, period: float,
+           names: dict) -> Iterator[tuple[str, str, float, float]]:
+    """Yield what no number may leave: its name, the limit in words, how far the number gets, and the limit.
 
     Parameters
     ----------
@@ -142,11 +143,6 @@ def check_envelope(bounds: dict[str, Array], sizes: Sizes, inner: dict[str, Arra
     period : float
     names : dict
         "x", "u", "s" -> names.
-
-    Raises
-    ------
-    CertificateError
-        Naming what may leave its range, and by how much.
     """
     between = bounds["x"] + period * speed * (1 + 1e-12)
     for vector, reached, most, words in (
@@ -155,10 +151,22 @@ def check_envelope(bounds: dict[str, Array], sizes: Sizes, inner: dict[str, Arra
             ("s", bounds["s"], sizes.s, "the limit of its integral"),
             ("x", bounds["estimate"], sizes.x, "the size of its range with the error of its estimate")):
         for name, value, limit in zip(names[vector], reached, most):
-            if not value <= limit:
-                raise CertificateError(
-                    f'certificate: "{name}" may reach {value:.6g} (found), beyond {words} ({limit:.6g}). Narrow the '
-                    "range of the reference or the bounds of the disturbances, or widen the range where that is true.")
+            yield name, words, float(value), float(limit)
+
+
+def check_envelope(*given) -> None:
+    """Refuse bounds that leave a range; arguments as `limits`.
+
+    Raises
+    ------
+    CertificateError
+        Naming what may leave its range, and by how much.
+    """
+    for name, words, value, limit in limits(*given):
+        if not value <= limit:
+            raise CertificateError(
+                f'certificate: "{name}" may reach {value:.6g} (found), beyond {words} ({limit:.6g}). Narrow the range '
+                "of the reference or the bounds of the disturbances, or widen the range where that is true.")
 
 
 def start_error(T1: Array, x_lo: Array, x_hi: Array, z0: Array) -> Array:

@@ -17,17 +17,19 @@ follows that no state leaves its declared range and no input saturates.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product as every
 
 import numpy as np
-from flint import arb, ctx
 
 from ..errors import CertificateError
-from .exact import Q, leading_failure, product, rational, zeros
+from .exact import Q, leading_failure, pivots, product, rational, zeros
 from .polytope_error import ErrorModel, standard_errors
+from .polytope_gain import squared_level
 
 Array = np.ndarray
+Vertices = tuple[int, int, int]
 
 
 @dataclass(frozen=True)
@@ -102,36 +104,34 @@ def loop(problem, gains, T1: Array, law) -> Loop:
     return Loop(model, vertices, inputs, estimate, residual)
 
 
-def check_decay(found: Loop, names, proof: dict) -> None:
-    """Check that every sample shrinks xi by a factor, in a common norm.
+def decays(found: Loop, proof: dict) -> Iterator[tuple[Vertices, Array]]:
+    """What must be positive definite for a decay: f^2 P - M' P M of every vertex.
 
     Parameters
     ----------
     found : Loop
-    names : sequence of str
     proof : dict
         "P", "factor".
 
     Raises
     ------
     CertificateError
+        P is not positive definite, or the factor not between 0 and 1.
     """
     P, factor = positive(proof["P"], len(next(iter(found.vertices.values()))[0])), Q(proof["factor"])
     if not 0 < factor < 1:
         raise CertificateError(f"certificate: the factor of the closed loop is {proof['factor']} (found), expected one "
                                "between 0 and 1.")
     for where, (A, _) in found.vertices.items():
-        _refuse(factor * factor * P - product(product(A.T, P), A), names, where,
-                f"the decay by {proof['factor']:.6g} per sample")
+        yield where, factor * factor * P - product(product(A.T, P), A)
 
 
-def check_level(found: Loop, names, out: Array, proof: dict) -> None:
-    """Check the energy gain from disturbances and noises to the tracking error.
+def levels(found: Loop, out: Array, proof: dict) -> Iterator[tuple[Vertices, Array]]:
+    """What must be positive definite for an energy gain from disturbances and noises to the tracking error.
 
     Parameters
     ----------
     found : Loop
-    names : sequence of str
     out : object array (k, N)
         The tracking error over xi, in units of the reference.
     proof : dict
@@ -140,11 +140,9 @@ def check_level(found: Loop, names, out: Array, proof: dict) -> None:
     Raises
     ------
     CertificateError
+        P is not positive definite, or gamma less than what is proved.
     """
-    level, count = Q(proof["level2"]), int(proof["inputs"])
-    if Q(proof["gamma"]) < 0 or Q(proof["gamma"]) ** 2 < level:
-        raise CertificateError(f"certificate: gamma {proof['gamma']:.9g} is claimed, its square (found) is below "
-                               f"{float(level):.9g}, expected at least that.")
+    level, count = squared_level(proof), int(proof["inputs"])
     P = positive(proof["P"], out.shape[1])
     for where, (A, B) in found.vertices.items():
         flow = np.concatenate([A, B[:, :count]], axis=1)
@@ -152,6 +150,41 @@ def check_level(found: Loop, names, out: Array, proof: dict) -> None:
         S[:len(A), :len(A)] = S[:len(A), :len(A)] + P - product(out.T, out)
         for d in range(len(A), len(S)):
             S[d, d] = S[d, d] + level
+        yield where, S
+
+
+def check_decay(found: Loop, names, proof: dict) -> None:
+    """Check that every sample shrinks xi by a factor, in a common norm; see `decays`.
+
+    Parameters
+    ----------
+    found : Loop
+    names : sequence of str
+    proof : dict
+
+    Raises
+    ------
+    CertificateError
+    """
+    for where, S in decays(found, proof):
+        _refuse(S, names, where, f"the decay by {proof['factor']:.6g} per sample")
+
+
+def check_level(found: Loop, names, out: Array, proof: dict) -> None:
+    """Check the energy gain; see `levels`.
+
+    Parameters
+    ----------
+    found : Loop
+    names : sequence of str
+    out : object array (k, N)
+    proof : dict
+
+    Raises
+    ------
+    CertificateError
+    """
+    for where, S in levels(found, out, proof):
         _refuse(S, names, where, f"the level {proof['gamma']:.6g}")
 
 
@@ -173,34 +206,8 @@ def positive(values, n: int) -> Array:
     return P
 
 
-def definite(S: Array, bits: int = 320) -> bool:
-    """Whether a symmetric matrix is surely positive definite: its elimination in balls; exactly, where these are wide.
-
-    Fractions of thousands of digits take ten times as long, for matrices of thirty rows.
-
-    Parameters
-    ----------
-    S : object array (n, n)
-        Exact.
-    bits : int
-    """
-    before, ctx.prec = ctx.prec, bits
-    try:
-        M = [[arb(x) for x in row] for row in S]
-        for k, row in enumerate(M):
-            if not row[k] > 0:
-                return row[k].contains(0) and leading_failure(S) is None
-            for below in M[k + 1:]:
-                factor = below[k] / row[k]
-                for j in range(k + 1, len(M)):
-                    below[j] -= factor * row[j]
-        return True
-    finally:
-        ctx.prec = before
-
-
 def _refuse(S: Array, names, where: tuple[int, int, int], words: str) -> None:
-    if not definite(S):
+    if pivots(S)[-1] <= 0:
         i, j, l = (names[k] for k in where)  # noqa: E741
         raise CertificateError(f'certificate: {words} fails with the plant at "{i}", the observer at "{j}", the law at '
                                f'"{l}" on the rounded constants. Ask for a slower decay, or sample faster.')

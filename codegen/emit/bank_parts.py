@@ -43,6 +43,15 @@ class Blame:
 
 
 @dataclass(frozen=True)
+class Limited:
+    """A vector of the state, its size, and the table of its limits."""
+
+    name: str
+    size: str
+    table: Table
+
+
+@dataclass(frozen=True)
 class BankView:
     """Sizes, members, thresholds. ``libm`` has one entry or none; ``reads`` and ``called`` are the parameter ``in`` of
     the weights, ``unread`` what the check does not read. ``anew`` starts the members.
@@ -57,6 +66,7 @@ class BankView:
     weights: tuple[str, ...]
     anew: tuple[str, ...]
     bound: Table
+    limits: tuple[Limited, ...]
     patterns: tuple[str, ...]
     keep: str
     settle: str
@@ -101,7 +111,8 @@ def parts(t: BankTables, s, names: Names, signals: tuple, faults: tuple[str, ...
            (word, "ready", "", ("1: the levels of this sample are judged; 0: not yet, or there are none",)),
            (word, "inside", "", ("1: all estimates are where the weights are in force; 0: one is not",)),
            (word, "raised", "", (f"{m}_BIT_ of the observers whose alarm is {t.keep} samples old at most",)))
-    views, operations, z, a = [], Operations(0, 0, 2 * (len(u) + len(y) + count)), 0, 0
+    compared = 2 * (len(u) + len(y) + n * count + sums) + count
+    views, operations, z, a = [], Operations(0, 0, compared), 0, 0
     for k, own in enumerate(t.members):
         view, counted = _member(names, t, own, k, (z, a), short[k], [c.name for c in y])
         views.append(view)
@@ -120,6 +131,8 @@ def parts(t: BankTables, s, names: Names, signals: tuple, faults: tuple[str, ...
         reads=f"const {names.prefix}_in *in, " * bool(reads), called="in, " * bool(reads),
         weights=weight_lines(t.weights, n, t.members[0].G.shape[2], t.real, real), anew=tuple(anew),
         bound=vector_table("bound", f"{m}_NF", t.bound, t.real),
+        limits=tuple(Limited(name, f"{m}_N{name.upper()}", vector_table(table, f"{m}_N{name.upper()}", values, t.real))
+                     for name, table, values in (("z", "limit", t.limit), ("a", "most", t.most))),
         patterns=tuple(patterns), keep=f"{t.keep}U", settle=str(t.settle),
         unread=() if u else ("in",))
     start = (f"{names.prefix}_anew(s);", f"s->wait = {t.begin}U;", *quiet)

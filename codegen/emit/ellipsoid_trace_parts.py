@@ -77,7 +77,7 @@ def view(t, names: Names) -> TraceView:
                Size("HERON", f"{STEPS}U", "steps to the square root from there"),
                Size("ORIGINS", f"{t.origins}U", "noise in the estimate: that of each mode's gain, or none"
                     if tnl else "the estimate never holds noise of its own sample")),
-        last=f"(s->mode < {m}_MODES) ? s->mode : 0U" if len(t.A) > 1 else "0U",
+        last=names.last if len(t.A) > 1 else "0U",
         origin=f"(s->origin < {m}_ORIGINS) ? s->origin : 0U" if tnl else "0U",
         forget=(f"s->origin = {m}_MODES;",) * tnl, start=vector("square", squares[0], "NX"),
         whole=vector("square", squares[1], "NX"), limit=vector("limit", t.limit, "NX"),

@@ -18,7 +18,7 @@ Array = np.ndarray
 class LawView:
     """Statements and tables of a law; ``varies`` has one entry or none, ``spare`` fills the struct of the law.
 
-    ``accepted`` are conditions on ref, ``cost`` says what a call takes besides the observer's.
+    ``accepted`` are conditions on ref, ``operations`` what the dearest call takes, ``cost`` the same in words.
     """
 
     refs: tuple[Channel, ...]
@@ -29,10 +29,11 @@ class LawView:
     spare: tuple[str, ...]
     ends: tuple[Table, ...]
     limits: tuple[Table, ...]
+    operations: Operations
     cost: str
 
 
-def law_view(t, names: Names, outputs: tuple[Channel, ...]) -> LawView:
+def law_view(t, names: Names, outputs: tuple[Channel, ...], observer: Operations) -> LawView:
     """Decide everything about the C of a law.
 
     Parameters
@@ -42,6 +43,8 @@ def law_view(t, names: Names, outputs: tuple[Channel, ...]) -> LawView:
     names : Names
     outputs : tuple of Channel
         Of y.
+    observer : Operations
+        Of its step, and of the estimate and its weights once more.
 
     Returns
     -------
@@ -64,7 +67,8 @@ def law_view(t, names: Names, outputs: tuple[Channel, ...]) -> LawView:
     T = literal(law.period, real)
     integral = tuple(f"next[{i}] = law->s[{i}] + ({T} * (ref[{i}] - in->y[{r}]));" for i, r in enumerate(law.rows))
     multiply, add = (sum(count_operations(terms)[c] for terms in sums) for c in (0, 1))
-    counted = Operations(multiply + k, add + 2 * k, 2 * (2 * k + inputs + len(t.y_lo)))
+    done = observer + Operations(multiply + k, add + 2 * k, 2 * (2 * k + inputs + len(t.y_lo)))
+    divisions = f"{done.divide} divisions, " * bool(done.divide)
     most = [literal(v, real) for v in law.reference]
     refs = tuple(Channel(i, outputs[r].macro, outputs[r].name, f"ref[{i}]: {outputs[r].name}, -{a} to {a}")
                  for i, (r, a) in enumerate(zip(law.rows, most)))
@@ -74,8 +78,8 @@ def law_view(t, names: Names, outputs: tuple[Channel, ...]) -> LawView:
         spare=("",) * (real == "float64"),
         ends=(vector_table("least", f"{m}_NU", t.u_lo, real), vector_table("most", f"{m}_NU", t.u_hi, real)),
         limits=(vector_table("limit", f"{m}_NREF", law.limit, real),),
-        cost=f"{counted.multiply} multiplications, {counted.add} additions, {counted.compare} comparisons, and the "
-             "estimate and its weights once more")
+        operations=done, cost=f"{done.multiply} multiplications, {divisions}{done.add} additions and {done.compare} "
+                              "comparisons of real numbers")
 
 
 def _terms(row: Array, operands: list[str], real: str) -> list[Term]:

@@ -22,12 +22,21 @@ class Range:
 
 
 @dataclass(frozen=True)
+class FuzzLaw:
+    """Initialisers of a tracking law's largest references and of the limits of its integrals."""
+
+    reference: str
+    limit: str
+
+
+@dataclass(frozen=True)
 class FuzzView:
     """What the harness prints; ``inputs`` is the number of inputs, or nothing without; so ``parameters`` and
     ``told``, the mode.
 
     ``mode`` is the C of the mode that says which bounds parameters have.
-    ``bounds`` is x where the answer has its bounds, ``finite`` are its other vectors of numbers.
+    ``bounds`` is x where the answer has its bounds, ``finite`` are its other vectors of numbers; ``spoils`` has one
+    entry where a fault spoils what is assured, ``laws`` one where there is a tracking law.
     """
 
     prefix: str
@@ -39,6 +48,8 @@ class FuzzView:
     mode: str
     bounds: tuple[str, ...]
     finite: tuple[str, ...]
+    spoils: tuple[str, ...]
+    laws: tuple[FuzzLaw, ...]
 
 
 def fuzz_harness(record: dict) -> str:
@@ -59,14 +70,21 @@ def fuzz_harness(record: dict) -> str:
     EmitError
         The template is damaged.
     """
-    macro, real, answers = record["macro"], record["real"], {name for name, *_ in record["out"]}
+    macro, real = record["macro"], record["real"]
+    answers = tuple(name for name, kind, _ in record["out"] if kind == "real")
     ranges = tuple(Range(name, f"[][{macro}_NTHETA]" if name.startswith("theta") else "[]",
                          initialiser(np.array(record["ranges"][name], dtype=real), real))
                    for name in RANGES if record["ranges"].get(name))
     told = tuple(name for name, *_ in record["in"] if name == "mode")
-    return render("harness/fuzz.c.jinja", h=FuzzView(record["prefix"], macro, ranges,
-                                                     (f"{macro}_NU",) if record["n_u"] else (),
-                                                     (f"{macro}_NTHETA",) if record["n_theta"] else (),
-                                                     told, "in->mode" if told else "0U",
-                                                     ("x",) if "x_lo" in answers else (),
-                                                     () if "x_lo" in answers else ("f_hat", "f_bound")))
+    framed = "x_lo" in answers
+    numbers = tuple(name for name, kind, _ in record["out"] if kind == "real")
+    return render("harness/fuzz.c.jinja", h=FuzzView(
+        record["prefix"], macro, ranges, (f"{macro}_NU",) if record["n_u"] else (),
+        (f"{macro}_NTHETA",) if record["n_theta"] else (), told, "in->mode" if told else "0U",
+        ("x",) if framed else (), () if framed else numbers, () if record.get("faults") else ("",), _laws(record)))
+
+
+def _laws(record: dict) -> tuple[FuzzLaw, ...]:
+    """The law of a folder, where it has one."""
+    return tuple(FuzzLaw(*(initialiser(np.array(law[name], dtype=record["real"]), record["real"])
+                           for name in ("reference", "limit"))) for law in [record.get("law")] if law)

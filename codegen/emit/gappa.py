@@ -22,7 +22,16 @@ from ..certify.filter_model import rounding_of
 from ..certify.rounding import input_error
 from ..certify.sets import SetDemands
 from ..certify.variation import pace_rounding
-from . import driven_parts, families, filter_parts, gappa_boxes, gappa_sums, point_parts
+from . import (
+    driven_parts,
+    families,
+    filter_parts,
+    gappa_boxes,
+    gappa_pairs,
+    gappa_polytopic,
+    gappa_sums,
+    point_parts,
+)
 from .gappa_sums import SIDES, Magnitude, Sum
 from .maps import MapSpec, Names
 from .varying import Varying
@@ -37,6 +46,10 @@ ABOUT_FILTERS = ("operation rounded and once exact. What they may differ by is t
                  "for the rounding of this sum, at every sample. All layouts calculate these sums: a")
 ABOUT_BOXES = ("operation rounded and once exact. What they may differ by is the margin: what the boxes gain for the",
                "rounding of this sum, in every period. All layouts calculate these sums: a")
+ABOUT_PAIRS = ("operation rounded and once exact. What they may differ by is the margin: what offsets and bounds of",
+               "the noise hold for the rounding of this sum, at every sample. All layouts calculate these sums: a")
+ABOUT_POLYTOPIC = ("operation rounded and once exact. What they may differ by is the margin: what the thresholds hold",
+                   "for the rounding of this sum, weights being numbers in [0, 1]. All layouts calculate these sums: a")
 ABOUT_DRIVEN = ("operation rounded and once exact. What they may differ by is the margin: of the framers what their",
                 "offsets leave over, of the boxes what they gain for the rounding of this sum. All layouts calculate",
                 "these sums: a")
@@ -118,10 +131,13 @@ def rounding(design, d: DesignView) -> RoundingView:
     t = design.observer.tables[d.real]
     names = Names(d.prefix, d.macro, d.real, tuple(m.name for m in d.modes), tuple(m.macro for m in d.modes))
     if d.sets:
+        if d.family == "polytopic":
+            return _of_polytopic(design.plant, t, d)
         if d.family == "driven":
             return _of_driven(design.plant, t, names, d)
-        about = _of_points if hasattr(t, "shape") else {"filter": _of_filter, "mode": _of_boxes}[d.family]
-        modes = (design.plant if d.family == "mode" else design.plant.observed).modes
+        about = _of_points if hasattr(t, "shape") else {"filter": _of_filter, "mode": _of_boxes,
+                                                        "sliding": _of_pairs}[d.family]
+        modes = (design.plant if d.family in ("mode", "sliding") else design.plant.observed).modes
         return about(modes, t, names, d)
     specs = (*families.specs(design.observer.family, t, names, d.x, d.y), *families.change_specs(t, names, d.x))
     rows, computed = _of_framers(design.plant.observed.modes, t, names, specs)
@@ -175,6 +191,21 @@ def _of_boxes(modes, t, names: Names, d: DesignView) -> RoundingView:
     rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in gappa_boxes.sums(modes, t, names.prefix))
     return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in gappa_boxes.operands(t)), (), rows,
                         float(np.finfo(t.dtype).max).hex(), ABOUT_BOXES, LAST_POINTS)
+
+
+def _of_pairs(modes, t, names: Names, d: DesignView) -> RoundingView:
+    """State the sums of an estimator by sliding modes; the margin of each is what its offsets hold for the rounding."""
+    rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in gappa_pairs.sums(modes, t, names.prefix))
+    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in gappa_pairs.operands(t)), (), rows,
+                        float(np.finfo(t.dtype).max).hex(), ABOUT_PAIRS, LAST_POINTS)
+
+
+def _of_polytopic(plant, t, d: DesignView) -> RoundingView:
+    """State the sums of a polytopic observer; the margin of each is what its thresholds hold for the rounding."""
+    sums, operands = gappa_polytopic.stated(plant, t, d.prefix)
+    rows = tuple(_row(s.name, s.note, s.terms, s.margin) for s in sums)
+    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in operands), (), rows,
+                        float(np.finfo(t.dtype).max).hex(), ABOUT_POLYTOPIC, LAST_POINTS)
 
 
 def _of_driven(plant, t, names: Names, d: DesignView) -> RoundingView:

@@ -38,6 +38,16 @@ class Parted:
 
 
 @dataclass(frozen=True)
+class LawHarness:
+    """A tracking law beside the observer: its integrals within their limits; references, beyond their ranges too."""
+
+    integrals: tuple[Number, ...]
+    wide: tuple[Number, ...]
+    good: tuple[Number, ...]
+    beyond: tuple[Number, ...]
+
+
+@dataclass(frozen=True)
 class HarnessView:
     """Everything that ``prove_<prefix>.c`` has and the observer's own view has not.
 
@@ -45,6 +55,7 @@ class HarnessView:
     its elements by type. ``given`` are numbers of an error set, which start between their ends but are not shown to
     stay there (``set_ranges``); ``about`` are the lines of the comment that says what does. ``told`` is the member of
     the input that is the mode, where it has one. ``by_predict`` is zero where predict refuses anything, else nothing.
+    ``laws`` is a tracking law, where there is one.
     """
 
     interval: str
@@ -63,6 +74,7 @@ class HarnessView:
     beyond_theta: tuple[Number, ...]
     told: tuple[str, ...]
     by_predict: tuple[str, ...]
+    laws: tuple[LawHarness, ...] = ()
 
 
 def harness(design, d: DesignView) -> HarnessView:
@@ -93,7 +105,7 @@ def harness(design, d: DesignView) -> HarnessView:
         numbers["x_hat"] = (-t.box, t.box)
         own = set_ranges.of(design.observer.family, t, {f.name: f.type for f in d.state_fields
                                                         if f.name not in numbers and f.name not in words})
-        numbers, words = numbers | own.numbers, words | own.words
+        numbers, words = numbers | own.kept | own.numbers, words | own.words
     counts = _counts(d)
     least = tuple(initialiser(numbers[f.name][0], d.real) if f.name in numbers else _words(0, counts.get(f.size))
                   for f in d.state_fields)
@@ -111,7 +123,18 @@ def harness(design, d: DesignView) -> HarnessView:
         beyond_u=_beyond("u", t.u_lo, t.u_hi, d.real), beyond_y=_beyond("y", t.y_lo, t.y_hi, d.real),
         beyond_theta=_beyond(*vectors[2], d.real) if d.theta else (),
         told=tuple(f.name for f in d.in_fields if f.name == "mode"),
-        by_predict=("0U",) * any(f.name in ("mode", "u", "theta") for f in d.in_fields))
+        by_predict=("0U",) * any(f.name in ("mode", "u", "theta") for f in d.in_fields),
+        laws=_laws(getattr(t, "law", None), d.real))
+
+
+def _laws(law, real: str) -> tuple[LawHarness, ...]:
+    """What the harness of a tracking law has; nothing without one."""
+    if law is None:
+        return ()
+    most = law.reference
+    return (LawHarness(tuple(_numbers("s", -law.limit, law.limit, real)),
+                       tuple(_numbers("ref", -_reach(-most, most), _reach(-most, most), real)),
+                       tuple(_numbers("ref", -most, most, real)), _beyond("ref", -most, most, real)),)
 
 
 def _accepted(vectors, t):

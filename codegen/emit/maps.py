@@ -52,7 +52,8 @@ class Names:
     """Names that all maps of a design share.
 
     ``prefix`` and ``macro`` start functions and macros, ``real`` is "float32" or "float64", ``modes`` are
-    the modes' names for comments and ``mode_macros`` their macros.
+    the modes' names for comments and ``mode_macros`` their macros. ``checked``: who calls the functions has seen that
+    the mode in the state is one.
     """
 
     prefix: str
@@ -60,6 +61,12 @@ class Names:
     real: str
     modes: tuple[str, ...]
     mode_macros: tuple[str, ...]
+    checked: bool = False
+
+    @property
+    def last(self) -> str:
+        """The mode in the state as an index, which an upset of the memory must not lead out of a table."""
+        return "s->mode" if self.checked else f"(s->mode < {self.macro}_MODES) ? s->mode : 0U"
 
     @property
     def real_type(self) -> str:

@@ -13,8 +13,10 @@ from .. import __version__
 from ..errors import EmitError
 from ..observers import ModeTables
 from ..target import metrics
+from ..target.gappa import WITHOUT
 from . import golden
 from .gappa import rounding
+from .golden_law import golden_laws
 from .harness import harness
 from .render import render
 from .view import DesignView, build
@@ -50,21 +52,54 @@ def files(design, real: str | None = None, layout: str | None = None, measure: b
     d = build(design, real, layout, __version__)
     t = design.observer.tables[d.real]
     spare = tuple(f.name for f in d.in_fields if f.name == "spare")
-    out = {f"{d.prefix}.h": render(d.header, d=d),
-           f"{d.prefix}.c": render(f"{d.family}.c.jinja", d=d),
+    out = {**_sources(d),
            f"test_{d.prefix}.c": render(d.self_test, d=d, vectors=golden.vectors(design, d.real),
-                                        refusals=golden.refusals(t, d.macro), spare=spare),
+                                        refusals=golden.refusals(t, d.macro), spare=spare,
+                                        laws=golden_laws(design, d.real)),
            **_proofs(design, d), "CMakeLists.txt": render("package/CMakeLists.txt.jinja", d=d)}
-    record = resources(d, design) | {"measured": metrics.measure(out, d.prefix) if measure else {}}
-    return out | {"resources.json": json.dumps(record, indent=2) + "\n"}
+    return out | _record(d, design, metrics.measure(out, d.prefix) if measure else {})
+
+
+def firmware(design, real: str | None = None, layout: str | None = None) -> dict[str, str]:
+    """Print what a host needs to drive the C: its two files, and resources.json without measured figures.
+
+    Parameters
+    ----------
+    design, real, layout
+        See ``files``.
+
+    Returns
+    -------
+    files : dict
+        Name -> text, as in ``files``.
+
+    Raises
+    ------
+    EmitError
+        The design cannot be printed.
+    """
+    d = build(design, real, layout, __version__)
+    return _sources(d) | _record(d, design, {})
+
+
+def _sources(d: DesignView) -> dict[str, str]:
+    """Print the header and the C."""
+    return {f"{d.prefix}.h": render(d.header, d=d), f"{d.prefix}.c": render(f"{d.family}.c.jinja", d=d)}
+
+
+def _record(d: DesignView, design, measured: dict) -> dict[str, str]:
+    """Print resources.json."""
+    return {"resources.json": json.dumps(resources(d, design) | {"measured": measured}, indent=2) + "\n"}
 
 
 def _proofs(design, d: DesignView) -> dict[str, str]:
     """Print what Frama-C and Gappa read; nothing for families whose C is not read back."""
     if not design.observer.stated:
         return {}
-    return {f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d)),
-            f"rounding_{d.prefix}.g": render("harness/rounding.g.jinja", d=d, g=rounding(design, d))}
+    out = {f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d))}
+    if d.family in WITHOUT:  # no margin for rounding, so no script
+        return out
+    return out | {f"rounding_{d.prefix}.g": render("harness/rounding.g.jinja", d=d, g=rounding(design, d))}
 
 
 def resources(d: DesignView, design) -> dict:
@@ -93,8 +128,14 @@ def resources(d: DesignView, design) -> dict:
             **{name: _members(d, fields) for name, fields in
                (("in", d.in_fields), ("out", d.out_fields), ("state", d.state_fields))},
             "state_bytes": d.state_bytes,
-            "operations_per_step": d.operations.counts(), "supervision": s.to_dict(), "ranges": ranges | theta,
-            **own, **({} if t.change is None else {"change": t.change.to_dict()})}
+            "operations_per_step": d.operations.counts(), **_law_cost(d), "supervision": s.to_dict(),
+            "ranges": ranges | theta, **own, **({} if t.change is None else {"change": t.change.to_dict()})}
+
+
+def _law_cost(d: DesignView) -> dict:
+    """Operations of a call of the law, where there is one."""
+    laws = [law for z in d.sets for law in getattr(z, "laws", ())]
+    return {"operations_per_track": laws[0].operations.counts()} if laws else {}
 
 
 def _members(d: DesignView, fields) -> list[list]:

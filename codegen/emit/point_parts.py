@@ -159,9 +159,8 @@ def maps(t, names: Names, x, y) -> tuple[MapSpec, MapSpec, MapSpec]:
         f"{p}_residual", ("r = y - (C x_hat + D u + c)",), (f"const {p}_in *in", f"{p}_out *out"), "in->mode",
         "in->mode", "out->r", "out->r", outputs, inputs("minus_D", -t.D, "in->u"), offset=linear("minus_c", -t.c),
         state=linear("minus_C", -t.C, "out->x_hat", "NX"), tail=(), row_count=f"{m}_NY", plus="in->y", **common)
-    index = f"(s->mode < {m}_MODES) ? s->mode : 0U"
-    last = {"selector": "s->mode", "index": index, "target_lo": "out->x_hat", "target_hi": "out->x_hat", "rows": states,
-            "tail": (f"{p}_cut(out->x_hat);",), "row_count": f"{m}_NX", **common}
+    last = {"selector": "s->mode", "index": names.last, "target_lo": "out->x_hat", "target_hi": "out->x_hat",
+            "rows": states, "tail": (f"{p}_cut(out->x_hat);",), "row_count": f"{m}_NX", **common}
     tnl = (linear("N", t.N, "in->y", "NY"),) if t.kind == "tnl" else ()
     forward = MapSpec(
         f"{p}_forward", (f"x_hat+ = M x_hat + G u + L y + {'N y+ + ' if tnl else ''}d",),
@@ -242,7 +241,7 @@ def zonotope(t, names: Names) -> SetView:
     kept = z.order - n_x
     return SetView(
         numbers=z.columns * n_x, sizes=tuple(sizes),
-        last=f"(s->mode < {m}_MODES) ? s->mode : 0U" if len(t.A) > 1 else "0U",
+        last=names.last if len(t.A) > 1 else "0U",
         origin=f"(s->origin < {m}_ORIGINS) ? s->origin : 0U" if t.kind == "tnl" else "0U",
         forget=(f"s->origin = {m}_MODES;",) * (t.kind == "tnl"), start=vector("half", half[0], "NX"),
         whole=vector("half", half[1], "NX"), limit=vector("limit", t.limit, "NX"),

@@ -21,13 +21,14 @@ Array = np.ndarray
 @dataclass(frozen=True)
 class PolytopicView:
     """Sizes, statements, tables. Of ``libm``, ``varies``, ``weighted`` (the name of the raw residual) one entry or
-    none; ``reads`` and ``called`` are the parameter ``in`` of the weights, ``idle`` and ``unread`` say
-    that nothing reads it. ``anew`` and ``again`` say when the thresholds start again, ``sure`` is a
-    line or none; ``laws`` is the tracking law, where there is one.
+    none, and of ``silent`` one where there is no libm, which may set errno; ``reads`` and ``called`` are the parameter
+    ``in`` of the weights, ``idle`` and ``unread`` say that nothing reads it. ``anew`` and ``again`` say when the
+    thresholds start again, ``sure`` is a line or none; ``laws`` is the tracking law, where there is one.
     """
 
     sizes: tuple[Size, ...]
     libm: tuple[str, ...]
+    silent: tuple[str, ...]
     reads: str
     called: str
     idle: tuple[str, ...]
@@ -85,6 +86,7 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
            (word, "inside", "", ("1: x_hat is where the weights are in force; 0: it is not",)),
            (word, "settled", "", ("1: r_bound has come down to where it stays; 0: it may be higher",)))
     move, sums = steps(t)
+    called = bool(t.weights.count(*LIBM, "sqrt"))
     read = {k for op in t.weights.operations for k in op.args if n <= k < t.weights.inputs}
     begin = (*assign("s->z", t.z0, t.real), *assign("s->y", t.y0, t.real), f"s->since = {t.start << t.shift}U;")
     whole = (*assign("s->z", t.z_mid, t.real), *assign("s->y", t.y_mid, t.real), "s->since = 0U;")
@@ -100,7 +102,7 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
                *((Size("NF", f"{t.faults}U", "faults: the last entries of x_hat"),) if t.faults else ()),
                Size("ROWS", f"{t.last + 1}U", "rows of the table of thresholds; the last holds for ever"),
                Size("LAST", f"{t.last << t.shift}U", "s->since once the last row holds")),
-        libm=("",) * bool(t.weights.count(*LIBM, "sqrt")), reads=f"const {names.prefix}_in *in, " if read else "",
+        libm=("",) * called, silent=("",) * (not called), reads=f"const {names.prefix}_in *in, " if read else "",
         called="in, " if read else "", idle=() if read or u else ("(void)in;",), varies=("",) * bool(sums["inner"]),
         weights=weight_lines(t.weights, n, t.G.shape[2], t.real, real),
         estimate=tuple(statement(f"x_hat[{i}]", terms, t.real) for i, terms in enumerate(sums["x_hat"])),
@@ -108,7 +110,7 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
         move=move, thresholds=Table("threshold", f"[{m}_ROWS][{m}_NY]", (), table),
         limits=(vector_table("least", f"{m}_NX", t.z_lo, t.real), vector_table("most", f"{m}_NX", t.z_hi, t.real)),
         row=f"(s->since >> {t.shift}U)" if t.shift else "s->since", unread=() if u or theta else ("in",),
-        laws=() if t.law is None else (law_view(t, names, y),),
+        laws=() if t.law is None else (law_view(t, names, y, _operations(t, sums) + _weights(t, sums["x_hat"])),),
         anew="false" if t.faults else "again && (out->raw == 0U)",
         sure=("out->assured = 1U; /* the faults are part of the estimate and spoil nothing */",) if t.faults else (),
         again="anew || (!kept) || (!inside)" if t.faults else "anew || (!kept)")
@@ -183,15 +185,20 @@ def steps(t: PolytopicTables, outputs: list[str] | None = None, first: int = 0) 
 
 def _operations(t: PolytopicTables, parts: dict[str, list]) -> Operations:
     """Count a step."""
-    counts = [count_operations(terms) for key in parts for terms in parts[key]]
+    counts = [count_operations(terms) for key in parts if key != "x_hat" for terms in parts[key]]
     multiply, add = (sum(c[k] for c in counts) for k in (0, 1))
-    w = t.weights
     weighted = [count_operations(terms_of(row, ["r"] * len(row), t.real)) for row in t.M] if t.weighted else []
     multiply, add = multiply + sum(a for a, _ in weighted), add + sum(b for _, b in weighted)
     # Ranges of what comes in and of z, thresholds and the signs of what they are compared with.
     ranges = 2 * (len(t.u_lo) + len(t.y_lo) + len(t.theta_lo) + len(t.z_lo) + len(t.M))
+    return Operations(multiply, add, ranges) + _weights(t, parts["x_hat"])
+
+
+def _weights(t: PolytopicTables, x_hat: list[list[Term]]) -> Operations:
+    """Count the estimate and its weights."""
+    w, (multiply, add) = t.weights, np.sum([count_operations(terms) for terms in x_hat], axis=0).tolist()
     return Operations(multiply + w.count("mul"), add + w.count("add", "sub"),
-                      ranges + w.count("ge", "le", "gt", "min", "max", "abs") + 2 * w.count("div"), w.count("div"))
+                      w.count("ge", "le", "gt", "min", "max", "abs") + 2 * w.count("div"), w.count("div"))
 
 
 def weight_lines(w: Program, n_x: int, n_u: int, real: str, kind: str) -> tuple[str, ...]:

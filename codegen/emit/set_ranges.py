@@ -6,11 +6,12 @@ tables -> ``Ranges``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..errors import EmitError
+from ..observers.sliding import OLDEST
 
 Array = np.ndarray
 
@@ -27,11 +28,14 @@ class Ranges:
         Member -> largest value, which Eva shows to stay.
     about : tuple of str
         Lines that say what keeps the numbers there.
+    kept : dict
+        Member -> (least, most) of numbers that the C cuts to these ends, which Eva shows to stay.
     """
 
     numbers: dict
     words: dict
     about: tuple[str, ...]
+    kept: dict = field(default_factory=dict)
 
 
 NONE = Ranges({}, {}, ())
@@ -58,7 +62,7 @@ def of(family: str, t, members: dict[str, str]) -> Ranges:
         A member has no range.
     """
     made = RANGES.get(family, within_limits)(t, members)
-    unknown = [name for name in members if name not in made.numbers and name not in made.words]
+    unknown = [name for name in members if name not in made.numbers | made.words | made.kept]
     if unknown:
         raise EmitError(f"{family}: members {', '.join(unknown)} of the state have no range for Frama-C (expected one "
                         "each). Add the family to codegen/emit/set_ranges.py.")
@@ -139,6 +143,23 @@ def modes(t, members: dict[str, str]) -> Ranges:
                    "boxes to start from, or has been found empty. From there Eva shows that all stays finite."))
 
 
+def pairs(t, members: dict[str, str]) -> Ranges:
+    """Bounds, sliding variables and rates, each cut to its limit; means of rates, with room."""
+    count, rates = len(t.M_hi), float(np.sum(t.rate_limit))
+    limits = {"box": np.tile(t.limit, count), "shown": t.limit, "twist": np.tile(t.z_limit, count),
+              "rate": np.tile(t.rate_limit, count)}
+    kept = {f"{k}_{side}": (-most, most) for k, most in limits.items() for side in ("lo", "hi")}
+    kept["level"] = np.zeros(count, t.dtype), np.full(count, 4 * rates).astype(t.dtype)
+    words = {"decided": count - 1, "best": count - 1, "age": OLDEST, "since": t.dwell - 1, "last": t.dwell - 1}
+    return Ranges({}, words | dict.fromkeys(("fresh", "armed", "refuted"), 2 ** count - 1), (), kept)
+
+
+def bank(t, members: dict[str, str]) -> Ranges:
+    """States and averages, with which all observers start anew beyond their limits; counts."""
+    return Ranges({}, {"left": t.keep, "wait": max(t.settle, t.begin)}, (),
+                  {"z": (-t.limit, t.limit), "a": (-t.most, t.most)})
+
+
 def driven(t, members: dict[str, str]) -> Ranges:
     """The same, where framers may have cut a box that is dead; framers of a mode that is possible; a bit per mode."""
     boxes, told, n_modes = modes(t, members), t.told.box.astype(float), len(t.Phi)
@@ -169,10 +190,17 @@ def carried(t) -> Array:
     return (1.001 * out).astype(t.dtype)
 
 
+def polytopic(t, members: dict[str, str]) -> Ranges:
+    """The state of a polytopic observer, cut to its limits in every call, and the count of the table of thresholds."""
+    return Ranges({}, {"since": t.last << t.shift}, (
+        "The state of the observer is cut to its limits, which Eva shows to hold; weights are what it finds for the",
+        "program of the C over all estimates that are possible from there."), {"z": (t.z_lo, t.z_hi)})
+
+
 def _origin(t) -> dict:
     return {"origin": t.origins - 1} if t.kind == "tnl" else {}
 
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
-          "mode": modes, "driven": driven}
+          "mode": modes, "driven": driven, "polytopic": polytopic, "sliding": pairs, "bank": bank}

@@ -13,8 +13,10 @@ import numpy as np
 from ..errors import EmitError
 from ..observers import (
     BankTables,
+    DescriptorTables,
     DrivenTables,
     FilterTables,
+    FollowerTables,
     ModeTables,
     PointTables,
     PolytopicTables,
@@ -22,9 +24,11 @@ from ..observers import (
 )
 from . import (
     bank_parts,
+    descriptor_parts,
     driven_parts,
     families,
     filter_parts,
+    follower_parts,
     framer_parts,
     manual,
     mode_parts,
@@ -84,7 +88,8 @@ class Guards:
 class DesignView:
     """Everything the C of one design needs. ``x``, ``u``, ``y``, ``theta``, ``modes``, ``bits`` are its channels.
 
-    ``sets`` holds the error set of a point observer, the tables of a filter, or nothing.
+    ``sets`` holds the error set of a point observer, the tables of a filter, or nothing. ``skeleton`` is the template
+    that a point observer's extends, ``alone`` has an entry where that is a file of its own.
     """
 
     prefix: str
@@ -139,6 +144,8 @@ class DesignView:
     self_test: str
     sets: tuple[object, ...]
     lengths: tuple[tuple[str, int], ...]
+    skeleton: str = "observer.c.jinja"
+    alone: tuple[str, ...] = ("",)
 
 
 def build(design, real: str | None = None, layout: str | None = None, version: str = "") -> DesignView:
@@ -223,9 +230,13 @@ def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
         return filter_parts.parts(t, s, names, signals, layout, faults)
     if isinstance(t, BankTables):
         return bank_parts.parts(t, s, names, signals, tuple(f.name for f in design.plant.f))
+    if isinstance(t, DescriptorTables):
+        return descriptor_parts.parts(t, s, names, signals)
     if isinstance(t, PolytopicTables):
         return polytopic_parts.parts(t, s, names, signals)
-    make = (driven_parts.parts if isinstance(t, DrivenTables) else mode_parts.parts if isinstance(t, ModeTables) else
+    make = (driven_parts.parts if isinstance(t, DrivenTables) else
+            follower_parts.parts if isinstance(t, FollowerTables) else
+            mode_parts.parts if isinstance(t, ModeTables) else
             sliding_parts.parts if isinstance(t, SlidingTables) else
             point_parts.parts if isinstance(t, PointTables) else framer_parts.parts)
     return make(design.observer.family, t, s, names, signals, layout)

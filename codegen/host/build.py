@@ -113,6 +113,7 @@ def declarations(record: dict) -> str:
         members = "".join(f" {types[kind]} {name}{f'[{count}]' if name in VECTORS else ''};"
                           for name, kind, count in record[struct])
         structs += f"typedef struct {{{members} }} {p}_{struct};\n"
+    structs += _law(record, types)
     step = f"({p}_state *s, const {p}_in *in, {p}_out *out);\n"
     names = {of: " ".join(v.name for v in vectors(record, struct, among))
              for of, struct, among in (("start", "state", START), ("answer", "out", ALWAYS + MEASURED))}
@@ -123,6 +124,18 @@ def declarations(record: dict) -> str:
     return (f"{structs}void {p}_init({p}_state *s);\nvoid {p}_reset({p}_state *s);\n"
             f"int {p}_step{step}int {p}_predict{step}"
             f"void residua_run(size_t runs, size_t steps, {arguments});\n")
+
+
+def _law(record: dict, types: dict) -> str:
+    """Declare struct and functions of a tracking law, where there is one; nothing reads its spare word."""
+    if "law" not in record:
+        return ""
+    p, real = record["prefix"], types["real"]
+    spare = " uint32_t spare;" * (record["real"] == "float64")
+    return (f"typedef struct {{ {real} s[{len(record['law']['limit'])}]; uint32_t limited;{spare} }} {p}_law;\n"
+            f"void {p}_law_init({p}_law *law);\n"
+            f"int {p}_track({p}_state *s, {p}_law *law, const {real} *ref, {p}_in *in, {p}_out *out);\n"
+            f"int {p}_coast({p}_state *s, {p}_law *law, {p}_in *in, {p}_out *out);\n")
 
 
 def vectors(record: dict, struct: str, among: tuple[str, ...]) -> tuple[Vector, ...]:
@@ -154,4 +167,4 @@ MEASURED = ("r_lo", "r_hi", "r", "r_bound", "f_hat", "f_bound")
 WORDS = ("mode", "mode_set", "settled_set", "candidate", "age", "inside", "settled", "isolated", "ready", "raised")
 VECTORS = frozenset({*START, *ALWAYS, *MEASURED, "u", "y", "theta", "history", "xi", "alive", "z", "shown_lo",
                      "shown_hi", "frame_lo", "frame_hi", "twist_lo", "twist_hi", "rate_lo", "rate_hi", "level", "a",
-                     "left"})
+                     "left", "told_x_hat", "told_u", "told_y", "told_shape", "told_lo", "told_hi"})

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..observers import FAMILIES, Trace
+from .steer import CompiledTracker
 
 Array = np.ndarray
 NO_MODE = 2**32 - 1  # any mode that does not fit 32 bits: the C refuses it as it refuses every other
@@ -111,6 +112,10 @@ class Driver:
             trace.raw_bits, trace.assured, *trace.words(), trace.status)]
         self.lib.residua_run(runs, steps, *reads, *writes)
         return trace
+
+    def tracker(self) -> CompiledTracker:
+        """The observer with its tracking law, started: ``step(ref, y)`` for a loop with a plant."""
+        return CompiledTracker(self)
 
     def _measured(self, theta, runs: int, steps: int) -> Array:
         """Take the measured columns; none where the firmware reads no parameter."""

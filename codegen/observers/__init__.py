@@ -4,10 +4,13 @@ from .bank import BankObserver, BankTables, BankTrace
 from .blocks import BlockObserver, BlockTables
 from .box import BoxObserver, BoxTables
 from .coordinates import Coordinates
+from .descriptor import DescriptorObserver
+from .descriptor_tables import DescriptorTables
 from .driven import DrivenObserver, DrivenTables
 from .ellipsoid import EllipsoidObserver, EllipsoidTables
 from .ellipsoid_trace import EllipsoidTraceObserver, TraceTables
 from .filter import FilterObserver, FilterTables
+from .follower import FollowerObserver, FollowerTables, FollowerTrace
 from .framer import FramerTables, Variation
 from .interval import IntervalObserver
 from .mode_observer import ModeObserver, ModeTrace
@@ -28,13 +31,15 @@ from .zonotope import ZonotopeObserver, ZonotopeTables
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
             "thresholds": ThresholdObserver, "schedule": ScheduleObserver, "blocks": BlockObserver,
             "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
-            "filter": FilterObserver, "mode": ModeObserver, "driven": DrivenObserver, "polytopic": PolytopicObserver,
-            "bank": BankObserver, "sliding": SlidingObserver}
+            "filter": FilterObserver, "mode": ModeObserver, "driven": DrivenObserver, "follower": FollowerObserver,
+            "polytopic": PolytopicObserver, "descriptor": DescriptorObserver, "bank": BankObserver,
+            "sliding": SlidingObserver}
 
 __all__ = ["FAMILIES", "BankObserver", "BankTables", "BankTrace", "BlockObserver", "BlockTables", "BoxObserver",
-           "BoxTables", "Coordinates", "DrivenObserver", "DrivenTables", "EllipsoidObserver", "EllipsoidTables",
-           "EllipsoidTraceObserver", "FilterObserver", "FilterTables", "FilterTrace", "FramerTables",
-           "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
+           "BoxTables", "Coordinates", "DescriptorObserver", "DescriptorTables", "DrivenObserver", "DrivenTables",
+           "EllipsoidObserver", "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables",
+           "FilterTrace", "FollowerObserver", "FollowerTables", "FollowerTrace", "FramerTables", "IntervalObserver",
+           "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
            "PolytopicObserver", "PolytopicTables", "PolytopicTrace", "Runner", "ScheduleObserver", "ScheduleTables",
            "SlidingObserver", "SlidingTables", "SlidingTrace", "Supervision", "ThresholdObserver", "ThresholdTables",
            "TnlObserver", "Trace", "TraceTables", "Variation", "ZonotopeObserver", "ZonotopeTables"]

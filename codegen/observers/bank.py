@@ -10,6 +10,8 @@ A fault of the sensors that member p does not read leaves it alone, exactly, and
 isolated where all members but p are raised. A member counts as raised for ``keep`` samples after its last alarm: a
 fault that changes its sign would else drop out at every zero. Any other pattern is ambiguous, and names nobody.
 
+What is accepted takes no state and no average beyond its limit; where a spoilt memory does, all members start anew.
+
 The members start at z0 when the plant may be anywhere in its range; for ``settle`` samples they say nothing. At
 ``<p>_init`` the plant is in its initial box, and ``begin`` samples are enough.
 """
@@ -29,7 +31,7 @@ from .polytopic_step import step, summed
 from .runner import Runner, pack
 from .supervisor import SupervisorState, judge
 from .thresholds import refuse
-from .trace import Rows
+from .trace import Rows, blank
 
 Array = np.ndarray
 #: Answer of a bank that blames nobody.
@@ -106,6 +108,8 @@ class BankTables:
         Samples after a start from anywhere, and after one from the initial box, that are not judged.
     keep : int
         Samples for which a member stays raised after an alarm, at least 1.
+    limit : ndarray (n P,), most : ndarray (k_1 + .. + k_P,)
+        Magnitudes of the members' states and averages, one member after the other; beyond them all start anew.
     weights : Program
         h weights and whether they are in force, of x_hat, u, theta.
     x_lo, x_hi, x0_lo, x0_hi : ndarray (n,)
@@ -121,6 +125,8 @@ class BankTables:
     settle: int
     begin: int
     keep: int
+    limit: Array
+    most: Array
     weights: Program
     x_lo: Array
     x_hi: Array
@@ -184,8 +190,10 @@ class BankTables:
                                   **{key: array(own[key], shapes[key]) for key in MATRICES}))
         lengths = {"x": n, "x0": n, "u": m, "y": n_y}
         ranges = {f"{v}_{end}": array(data[f"{v}_{end}"], (k,)) for v, k in lengths.items() for end in ("lo", "hi")}
-        return cls(data["real"], tuple(members), array(data["bound"], (len(members),)), float(data["rate"]),
-                   int(data["settle"]), int(data["begin"]), int(data["keep"]), weights, **ranges)
+        sizes = {"bound": len(members), "limit": n * len(members), "most": sum(len(m.M) for m in members)}
+        bound, limit, most = (array(data[key], (size,)) for key, size in sizes.items())
+        return cls(data["real"], tuple(members), bound, float(data["rate"]), int(data["settle"]), int(data["begin"]),
+                   int(data["keep"]), limit, most, weights, **ranges)
 
 
 @dataclass(frozen=True)
@@ -225,11 +233,8 @@ class BankTrace(Rows):
     def empty(cls, shape: tuple[int, ...], members: int, n_y: int, dtype) -> BankTrace:
         """Allocate for runs of the given leading shape; ``n_y`` is not used."""
         del n_y
-        real = [np.full((*shape, members), np.nan, dtype=dtype) for _ in range(2)]
-        bits = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
-        words = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
-        return cls(*real, np.zeros(shape, bool), *bits, np.zeros(shape, bool), np.zeros(shape, dtype=np.int64),
-                   np.full(shape, NOBODY, dtype=np.int32), *words)
+        *common, ready, inside, raised = blank(shape, (members, members), dtype, 3)
+        return cls(*common, np.full(shape, NOBODY, dtype=np.int32), ready, inside, raised)
 
     def words(self) -> list[Array]:
         """The fields that other families do not have, in their order, as the C's words."""
@@ -249,7 +254,6 @@ class BankObserver(Runner):
     family = "bank"
     tables_class = BankTables
     trace_class = BankTrace
-    stated = False
 
     def empty(self, t: BankTables, shape: tuple[int, ...]) -> BankTrace:
         """Allocate the answers of runs of the given leading shape."""
@@ -296,9 +300,9 @@ class BankObserver(Runner):
         level, inside = np.zeros((len(q), len(t.members)), t.dtype), np.ones(len(q), dtype=bool)
         self.z, self.a = list(self.z), list(self.a)
         for p, m in enumerate(t.members):
-            _, r, within, after = step(m, self.z[p], u, y[:, m.seen], theta, seen)
+            _, r, known, after = step(m, self.z[p], u, y[:, m.seen], theta, seen)
             a = averaged(m, self.a[p], r, t.dtype.type(t.rate))
-            level[:, p], inside = squared(a), inside & within
+            level[:, p], inside = squared(a), inside & known
             self.z[p] = np.where(seen[:, None], after, self.z[p])
             self.a[p] = np.where(seen[:, None], a, self.a[p])
         ready = self.wait == 0
@@ -308,7 +312,7 @@ class BankObserver(Runner):
         self.raised = np.where(seen[:, None], raised, self.raised)
         isolated = blamed(t, self.raised > 0)
         self.wait = np.where(seen, np.maximum(self.wait - 1, 0), self.wait)
-        lost = (on & ~measured) | (seen & ~(level >= 0).all(axis=1))  # or spoilt in memory: no number
+        lost = (on & ~measured) | (seen & ~(within(self.z, t.limit) & within(self.a, t.most)))
         if lost.any():
             kept = self.z, self.a, self.wait
             self._anew(t, len(q), t.settle)
@@ -350,6 +354,20 @@ class BankObserver(Runner):
         for name, value in vars(guard).items():
             mask = on.reshape(-1, *[1] * (value.ndim - 1))
             setattr(self.guard, name, np.where(mask, getattr(self.guard, name), value))
+
+
+def within(values: list[Array], limit: Array) -> Array:
+    """Whether no number of a run is beyond its limit; what is no number is.
+
+    Parameters
+    ----------
+    values : list of ndarray (S, k)
+        One per member.
+    limit : ndarray
+        One member after the other.
+    """
+    whole = np.concatenate(values, axis=1)
+    return ((whole >= -limit) & (whole <= limit)).all(axis=1)
 
 
 def averaged(m: Member, a: Array, r: Array, rate) -> Array:

@@ -11,7 +11,7 @@ from .mode_set import ModeSet, ModeState, pack_modes
 from .mode_tables import ModeTables
 from .runner import Runner, outward, pack
 from .supervisor import SupervisorState, judge, undisturbed
-from .trace import Trace
+from .trace import Trace, blank
 
 Array = np.ndarray
 
@@ -41,9 +41,7 @@ class ModeTrace(Trace):
     @classmethod
     def empty(cls, shape: tuple[int, ...], n_x: int, n_y: int, dtype) -> ModeTrace:
         """Allocate for runs of the given leading shape, e.g. (K,) or (S, K)."""
-        own = Trace.empty(shape, n_x, n_y, dtype)
-        words = [np.zeros(shape, dtype=np.uint32) for _ in range(4)]
-        return cls(*(getattr(own, name) for name in Trace.__dataclass_fields__), *words)
+        return cls(*blank(shape, (n_x, n_x, n_y, n_y), dtype, 4))
 
     def words(self) -> list[Array]:
         """The fields that other families do not have, in their order."""

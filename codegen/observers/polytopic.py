@@ -34,7 +34,7 @@ from .polytopic_tables import PolytopicTables
 from .runner import Runner, pack
 from .supervisor import SupervisorState, judge, undisturbed
 from .thresholds import refuse
-from .trace import Rows
+from .trace import Rows, blank
 
 Array = np.ndarray
 
@@ -84,9 +84,7 @@ class PolytopicTrace(Rows):
     @classmethod
     def empty(cls, shape: tuple[int, ...], n_x: int, n_y: int, dtype) -> PolytopicTrace:
         """Allocate for runs of the given leading shape, e.g. (K,) or (S, K)."""
-        real = [np.full((*shape, n), np.nan, dtype=dtype) for n in (n_x, n_y, n_y)]
-        bits, words = ([np.zeros(shape, dtype=np.uint32) for _ in range(n)] for n in (3, 2))
-        return cls(*real, np.zeros(shape, bool), *bits, np.zeros(shape, bool), np.zeros(shape, dtype=np.int64), *words)
+        return cls(*blank(shape, (n_x, n_y, n_y), dtype, 2))
 
     def words(self) -> list[Array]:
         """The fields that other families do not have, in their order."""
@@ -99,7 +97,7 @@ class PolytopicObserver(Runner):
     family = "polytopic"
     tables_class = PolytopicTables
     trace_class = PolytopicTrace
-    stated = False
+    advance = staticmethod(step)
 
     def empty(self, t, shape: tuple[int, ...]) -> PolytopicTrace:
         """Allocate the answers of runs of the given leading shape."""
@@ -135,7 +133,7 @@ class PolytopicObserver(Runner):
                out: PolytopicTrace) -> None:
         """One sample of the runs in ``on``: ``<p>_step`` where ``measured``, else ``<p>_predict``."""
         now = np.where(measured[:, None], y, self.y)
-        x_hat, r, inside, after = step(t, self.z, u, now, theta, measured)
+        x_hat, r, inside, after = self.advance(t, self.z, u, now, theta, measured)
         shown = summed(t.M, r) if t.weighted else r
         r_bound = t.h[np.minimum(self.since >> t.shift, t.last)]
         raw = ~(np.abs(shown) <= r_bound)

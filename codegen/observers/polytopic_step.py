@@ -33,13 +33,26 @@ def step(t: PolytopicTables, z: Array, u: Array, y: Array, theta: Array, measure
         r = np.where(measured[:, None], summed(-t.C, x_hat, y), np.zeros_like(y))
         *h, inside = evaluate(t.weights, [*x_hat.T, *u.T, *theta.T], x_hat.dtype)
         h = np.stack([np.broadcast_to(w, inside.shape) for w in h], axis=1).astype(x_hat.dtype)
-        values = np.concatenate([x_hat, u, r, h[:, len(t.F):]], axis=1)
-        after = summed(np.where(t.shared, t.gains[0], 0), values)
-        for j, M in enumerate(t.gains):
-            own = np.where(t.shared, 0, M)
-            some = np.any(own != 0, axis=1)
-            after = np.where(some, after + h[:, [j]] * summed(own, values), after)
-    return x_hat, r, inside, after
+        return x_hat, r, inside, moved(t, x_hat, u, r, h)
+
+
+def moved(t: PolytopicTables, x_hat: Array, u: Array, r: Array, h: Array) -> Array:
+    """The z after a sample of S runs, before it is cut.
+
+    Parameters
+    ----------
+    t : PolytopicTables
+    x_hat : ndarray (S, n), u : ndarray (S, m), r : ndarray (S, p)
+    h : ndarray (S, h + g)
+        Weights, then known terms.
+    """
+    values = np.concatenate([x_hat, u, r, h[:, len(t.F):]], axis=1)
+    after = summed(np.where(t.shared, t.gains[0], 0), values)
+    for j, M in enumerate(t.gains):
+        own = np.where(t.shared, 0, M)
+        some = np.any(own != 0, axis=1)
+        after = np.where(some, after + h[:, [j]] * summed(own, values), after)
+    return after
 
 
 def summed(M: Array, values: Array, start: Array | None = None) -> Array:

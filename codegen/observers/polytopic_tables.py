@@ -124,6 +124,11 @@ class PolytopicTables:
         return np.all(self.gains == self.gains[0], axis=0)
 
     @property
+    def moving(self) -> Array:
+        """The states that z holds an estimate of by itself: all."""
+        return np.arange(len(self.z0))
+
+    @property
     def weighted(self) -> bool:
         """Whether the answer is another one than r."""
         return not np.array_equal(self.M, np.eye(len(self.M)))

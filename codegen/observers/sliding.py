@@ -36,7 +36,7 @@ from .mode_set import affine, image
 from .runner import Runner, outward, pack
 from .sliding_tables import SlidingTables
 from .supervisor import SupervisorState, judge
-from .trace import Trace
+from .trace import Trace, blank
 
 Array = np.ndarray
 #: Age beyond which nothing is counted.
@@ -69,9 +69,7 @@ class SlidingTrace(Trace):
     @classmethod
     def empty(cls, shape: tuple[int, ...], n_x: int, n_y: int, dtype) -> SlidingTrace:
         """Allocate for runs of the given leading shape, e.g. (K,) or (S, K)."""
-        own = Trace.empty(shape, n_x, n_y, dtype)
-        words = [np.zeros(shape, dtype=np.uint32) for _ in range(4)]
-        return cls(*(getattr(own, name) for name in Trace.__dataclass_fields__), *words)
+        return cls(*blank(shape, (n_x, n_x, n_y, n_y), dtype, 4))
 
     def words(self) -> list[Array]:
         """The fields that other families do not have, in their order."""
@@ -84,7 +82,6 @@ class SlidingObserver(Runner):
     family = "sliding"
     tables_class = SlidingTables
     trace_class = SlidingTrace
-    stated = False
 
     @classmethod
     def initial(cls, x0_lo, x0_hi, shape: tuple[int, int], record: dict, dtype) -> list[Array | None]:

@@ -42,6 +42,25 @@ class Rows:
                                       equal_nan=getattr(self, name).dtype.kind == "f")]
 
 
+def blank(shape: tuple[int, ...], numbers: tuple[int, ...], dtype, own: int = 0) -> list[Array]:
+    """Fields of a trace: vectors of NaN, alarm, its three words of bits, assured, status; and words of a family.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Leading axes, e.g. (K,) or (S, K).
+    numbers : tuple of int
+        Sizes of the vectors.
+    dtype : numpy type
+    own : int
+        Words that only this family has.
+    """
+    real = [np.full((*shape, n), np.nan, dtype=dtype) for n in numbers]
+    words = [np.zeros(shape, dtype=np.uint32) for _ in range(3 + own)]
+    alarm, assured = (np.zeros(shape, dtype=bool) for _ in range(2))
+    return [*real, alarm, *words[:3], assured, np.zeros(shape, dtype=np.int64), *words[3:]]
+
+
 @dataclass(frozen=True)
 class Trace(Rows):
     """Answers of an interval observer; row k is what it says at sample k.
@@ -75,9 +94,7 @@ class Trace(Rows):
     @classmethod
     def empty(cls, shape: tuple[int, ...], n_x: int, n_y: int, dtype) -> Trace:
         """Allocate for runs of the given leading shape, e.g. (K,) or (S, K)."""
-        real = [np.full((*shape, n), np.nan, dtype=dtype) for n in (n_x, n_x, n_y, n_y)]
-        bits = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
-        return cls(*real, np.zeros(shape, bool), *bits, np.zeros(shape, bool), np.zeros(shape, dtype=np.int64))
+        return cls(*blank(shape, (n_x, n_x, n_y, n_y), dtype))
 
 
 @dataclass(frozen=True)
@@ -124,9 +141,7 @@ class PointTrace(Rows):
     @classmethod
     def empty(cls, shape: tuple[int, ...], n_x: int, n_y: int, dtype) -> PointTrace:
         """Allocate for runs of the given leading shape, e.g. (K,) or (S, K)."""
-        real = [np.full((*shape, n), np.nan, dtype=dtype) for n in (n_x, n_x, n_x, n_y, n_y)]
-        bits = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
-        return cls(*real, np.zeros(shape, bool), *bits, np.zeros(shape, bool), np.zeros(shape, dtype=np.int64))
+        return cls(*blank(shape, (n_x, n_x, n_x, n_y, n_y), dtype))
 
 
 @dataclass(frozen=True)
@@ -156,6 +171,4 @@ class FilterTrace(Rows):
     def empty(cls, shape: tuple[int, ...], n_f: int, n_y: int, dtype) -> FilterTrace:
         """Allocate for runs of the given leading shape; ``n_y`` is not used."""
         del n_y
-        real = [np.full((*shape, n_f), np.nan, dtype=dtype) for _ in range(2)]
-        bits = [np.zeros(shape, dtype=np.uint32) for _ in range(3)]
-        return cls(*real, np.zeros(shape, bool), *bits, np.zeros(shape, bool), np.zeros(shape, dtype=np.int64))
+        return cls(*blank(shape, (n_f, n_f), dtype))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+from functools import lru_cache
 from pathlib import Path
 
 from codegen.errors import PlantError
@@ -45,8 +46,8 @@ def load(plant: str | Path) -> Plant:
     path = Path(plant)
     if not path.is_file() and str(plant) in gallery_names():
         path = _GALLERY / f"{plant}.toml"
-        return loads(_text(path, path.name), path.name, str(path.parent))
-    return loads(_text(path, str(plant)), str(plant), str(path.parent))
+    text = _text(path, str(plant))
+    return _of_gallery(text, path.name) if path.parent == _GALLERY else loads(text, str(plant), str(path.parent))
 
 
 def loads(text: str, name: str = "<text>", folder: str = "", scenarios: bool = True) -> Plant:
@@ -75,6 +76,12 @@ def loads(text: str, name: str = "<text>", folder: str = "", scenarios: bool = T
         return build(text, folder, scenarios)
     except PlantError as error:
         raise PlantError(f"{name}: {error}") from None
+
+
+@lru_cache(maxsize=64)
+def _of_gallery(text: str, name: str) -> Plant:
+    """A plant of the gallery, checked once: sectors of nonlinear equations take a second."""
+    return loads(text, name, str(_GALLERY))
 
 
 def gallery_folder() -> Path:

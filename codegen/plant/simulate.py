@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
 from codegen.errors import PlantError
 from codegen.plant import descriptor
-from codegen.plant.continuous import PIECES, advance, fine
+from codegen.plant.continuous import BLOCK, PIECES, fine, transitions
 from codegen.plant.descriptor_many import simulate_many
 from codegen.plant.excitation import disturbances, faults, given_theta, initial_state, inputs, jumps, scheduling
 from codegen.plant.messages import unknown
@@ -249,15 +250,19 @@ def _integrated(
     x, y = np.empty((steps, plant.n_x)), np.empty((steps, plant.n_y))
     state, h = initial_state(plant, scenario, rng), dense_plant.sample_period
     anew = jumps(plant, between, dense.steps)
+    ends = [np.where(held, u[:, None], ramps[:-1, None] + ((np.arange(PIECES) + e) / PIECES)[:, None]
+                     * np.diff(ramps, axis=0)[:, None]).reshape(-1, len(plant.u)) for e in (0, 1)]
+    after = np.where(anew[1:, None], theta[:-1], theta[1:])
     for k in range(steps):
+        if k % BLOCK == 0:
+            now = slice(k * PIECES, min(k + BLOCK, steps) * PIECES)
+            pieces = zip(*transitions(plant.modes, between[now], h, (theta[now], after[now]),
+                                      tuple(v[now] for v in ends), w[now], np.repeat(f[k:k + BLOCK], PIECES, axis=0)))
         mode = plant.modes[q[k]]
         x[k] = state
         y[k] = mode.C @ state + mode.D @ u[k] + mode.Dw @ w[k * PIECES] + mode.Dv @ v[k] + mode.Df @ f[k]
-        for i in range(PIECES):
-            now = k * PIECES + i
-            ends = [np.where(held, u[k], ramps[k] + (i + e) / PIECES * (ramps[k + 1] - ramps[k])) for e in (0, 1)]
-            after = theta[now] if anew[now + 1] else theta[now + 1]
-            state = advance(plant.modes[between[now]], state, h, (theta[now], after), tuple(ends), w[now], f[k])
+        for Phi, c in islice(pieces, PIECES):
+            state = Phi @ state + c
     return PlantTrace(x=x, u=u, y=y, q=told(plant, q, rng), theta=reading(plant, scenario, theta[:-1][cut], rng),
                       w=w[:-1][cut], v=v, f=f)
 

@@ -47,11 +47,15 @@ def weight_program(polytope: Polytope, real: str, checked: dict | None = None) -
     if polytope.softmax:
         exponents = [b.value(w.args[0]) for w in polytope.raw]
         most = b.fold("max", exponents)
-        weights = _normalised(b, [b.apply("exp", b.apply("sub", e, most)) for e in exponents])
+        zero = b.constant(0.0)
+        below = [b.apply("sub", e, most) for e in exponents]
+        # None is above zero but for NaN, one of them is zero: said again where an analyser of the C can see it.
+        weights = _normalised(b, [b.apply("exp", b.apply("min", d, zero)) for d in below], b.constant(1.0))
+        sound = [b.apply("le", d, zero) for d in below]
     else:
-        weights = _normalised(b, [b.value(w) for w in polytope.raw])
+        weights, sound = _normalised(b, [b.value(w) for w in polytope.raw]), []
     total = b.fold("add", weights)
-    sound = [b.apply("ge", w, b.constant(0.0)) for w in weights]
+    sound += [b.apply("ge", w, b.constant(0.0)) for w in weights]
     sound += [b.apply("le", w, b.constant(1.0 + 4 * step)) for w in weights]
     sound += [b.apply("ge", total, b.constant(1.0 - 4 * h * step)),
               b.apply("le", total, b.constant(1.0 + 4 * h * step))]
@@ -96,9 +100,10 @@ def _reciprocal(width) -> float:
     return float(found)
 
 
-def _normalised(b: Builder, values: list[tuple]) -> list[tuple]:
-    """The values over their sum, by one division."""
-    scale = b.apply("div", b.constant(1.0), b.fold("add", values))
+def _normalised(b: Builder, values: list[tuple], least: tuple | None = None) -> list[tuple]:
+    """The values over their sum, by one division; ``least`` is what their sum is at least."""
+    total = b.fold("add", values)
+    scale = b.apply("div", b.constant(1.0), total if least is None else b.apply("max", total, least))
     return [b.apply("mul", v, scale) for v in values]
 
 

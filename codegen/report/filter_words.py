@@ -14,6 +14,9 @@ def facts(design, real: str) -> tuple[Fact, ...]:
     parts = [f"certified {words.at_most(cert['level'], 4)} on the constants of the C"]
     if cert.get("reached"):
         parts.append(f"a run was found that reaches {words.number(cert['reached'], 4)}: no proof could go below that")
+    if "pairs" in cert:
+        parts.append(f"gains for each pair of modes, which the projections allow, could not come below "
+                     f"{words.number(cert['pairs'], 4)} (the solver's word): the C has one set per mode")
     target = "the fault itself" if "target" not in plant.options else "the fault, weighted by W_f (target)"
     weight = "" if "colour" not in plant.options else "; disturbances, noises and inputs are weighted by W_d (colour)"
     scaled = ("the estimate is scaled so that a lasting fault is met exactly while a mode stays",) * bool(cert["post"])

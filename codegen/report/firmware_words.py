@@ -12,6 +12,7 @@ from ..observers import (
     BankTables,
     DrivenTables,
     FilterTables,
+    FollowerTables,
     ModeTables,
     PointTables,
     PolytopicTables,
@@ -103,6 +104,9 @@ def gains(design, real: str) -> tuple[Folded, ...]:
     t = design.observer.tables[real]
     if isinstance(t, DrivenTables):
         return (*_framers(t.told, design.plant), *mode_words.gains(design, real, _matrix, "The mode estimator: "))
+    if isinstance(t, FollowerTables):
+        return (*point_words.gains(design, real, _matrix, t.told),
+                *mode_words.gains(design, real, _matrix, "The mode estimator: "))
     if isinstance(t, ModeTables):
         return mode_words.gains(design, real, _matrix)
     if isinstance(t, SlidingTables):

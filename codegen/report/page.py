@@ -23,6 +23,7 @@ from . import (
     plant_words,
     plots,
     set_words,
+    steering_words,
 )
 from .assurance_words import AssuranceWords
 from .design_words import DesignWords, words_of
@@ -123,7 +124,7 @@ def view(folder: Path, design, driver, outcomes: list[Outcome], periods: Sequenc
         design=words_of(design, real), periods=period_words.words_of(design, real, periods),
         frequencies=frequency_words.words_of(design, real),
         sets=set_words.words_of(design, scenes),
-        validation=(outcome_words.validation_table(outcomes),) if outcomes else (),
+        validation=(outcome_words.validation_table(outcomes), *steering_words.tables(outcomes)) if outcomes else (),
         scenarios=tuple(_scenario(design, real, i, o, w) for i, (o, w) in enumerate(zip(outcomes, scenes))),
         cost_facts=cost_facts, cost_tables=cost_tables, compared=compare_words.tables(design, compared),
         gains=firmware_words.gains(design, real),
@@ -136,7 +137,8 @@ def _scenario(design, real: str, index: int, o: Outcome, w: Watched | None) -> S
     faults, folded = outcome_words.episode_tables(design, real, o)
     anchor = f"s{index}"
     return ScenarioView(o.scenario.name, anchor, outcome_words.summary(design, o), faults, folded,
-                        plots.residuals(design.plant, o, anchor), set_words.pictures(design, w, anchor),
+                        plots.tracking(design, real, o, anchor) + plots.residuals(design.plant, o, anchor),
+                        set_words.pictures(design, w, anchor),
                         plots.states(design.plant, o, anchor))
 
 

@@ -38,6 +38,8 @@ def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
     -------
     tuple of Plot
     """
+    if o.steering is not None and not o.steering.drawn:
+        return ()
     run, title = plots.whole(plant, o.truth, o.trace), o.scenario.name
     joint = o.trace.bounded and joint_only(run).any()
     caption = ESTIMATE if isinstance(o.trace, FilterTrace) else RESIDUAL + JOINTLY * bool(joint)
@@ -49,6 +51,25 @@ def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
     found = words.delay(first.delay, plant.sample_period)
     return every, Plot(zoomed, f"The first fault, magnified: {first.channel}, from sample {first.start} on. "
                                f"Found: {found}.")
+
+
+def tracking(design, real: str, o: Outcome, name: str) -> tuple[Plot, ...]:
+    """Plot what a tracking law did in a run; nothing where none steered.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+    o : Outcome
+    name : str
+    """
+    if o.steering is None or not o.steering.drawn:
+        return ()
+    run, rows = plots.whole(design.plant, o.truth, o.trace), design.observer.tables[real].law.rows
+    figure = plots.tracking_figure(run, o.steering, rows)
+    cut = words.count(int((o.steering.limited != 0).sum()), "sample")
+    caption = f"The compiled C steers the true plant. An input or an integral was cut at {cut}."
+    return (Plot(inline(figure, f"{name}t", f"Tracking in {o.scenario.name}"), caption),)
 
 
 def states(plant, o: Outcome, name: str) -> tuple[Plot, ...]:

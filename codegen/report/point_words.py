@@ -7,7 +7,7 @@ import numpy as np
 from .table import Folded, Table
 
 
-def gains(design, real: str, matrix) -> tuple[Folded, ...]:
+def gains(design, real: str, matrix, t=None) -> tuple[Folded, ...]:
     """Tabulate the constants that the C holds, exactly, one fold per mode.
 
     Parameters
@@ -16,12 +16,14 @@ def gains(design, real: str, matrix) -> tuple[Folded, ...]:
     real : {"float32", "float64"}
     matrix : callable
         (title, row names, column names, values) -> Table.
+    t : PointTables, optional
+        Default: the design's own.
 
     Returns
     -------
     tuple of Folded
     """
-    t, plant = design.observer.tables[real], design.plant
+    t, plant = t or design.observer.tables[real], design.plant
     x, u, y = ([s.name for s in getattr(plant, vector)] for vector in "xuy")
     folds = []
     for q, mode in enumerate(plant.modes):

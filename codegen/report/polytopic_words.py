@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..observers import DescriptorTables
 from . import words
 from .table import Fact, Folded, Table, table
 
@@ -42,9 +43,28 @@ def facts(design, real: str) -> tuple[Fact, ...]:
                  "constants of the C" + ("" if law is not None else "; the solver claimed "
                                          f"{words.number(cert['claimed'], 4)} before rounding and steps")),
             Fact("Steps", steps),
+            *solved_facts(design, real),
             Fact("Threshold", "guaranteed, not calibrated: the error is followed over every input, disturbance and "
                  "weight within the declared ranges (peak to peak), between samples too, with the rounding of the C"),
             *law_facts(design, real))
+
+
+def solved_facts(design, real: str) -> tuple[Fact, ...]:
+    """What is said of algebraic equations that the observer solves itself.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+    """
+    t, plant = design.observer.tables[real], design.plant
+    if not isinstance(t, DescriptorTables):
+        return ()
+    named = ", ".join(plant.x[k].name for k in t.algebraic)
+    division = (f"one division by a mean of the pivots of the vertices, which is at least "
+                f"{words.number(float(t.pivot.min()), 3)}" if t.uneven else "no division: all vertices have one pivot")
+    return (Fact("Algebraic states", f"{named}: solved at every sample from the other states and the inputs, "
+                 f"whether or not an output sees them, by what was made offline and {division}"),)
 
 
 def law_facts(design, real: str) -> tuple[Fact, ...]:
@@ -129,7 +149,14 @@ def gains(design, real: str, matrix) -> tuple[Folded, ...]:
         folds.append(Folded(f"Vertex {j}, “{vertex.name}”", tuple(matrix(f"{name}: {meaning}", z, columns, values)
                                                                   for name, meaning, columns, values in shown
                                                                   if np.any(values))))
-    own = [matrix("x_hat = z + T2 y", x, y, t.T2), matrix("C", y, x, t.C),
+    solves = isinstance(t, DescriptorTables)
+    if solves:
+        named = [x[k] for k in t.algebraic]
+        folds += [Folded(f"Algebraic states at vertex {j}, pivot {words.number(float(d), 6)}",
+                         (matrix("P: of z", named, x, P), matrix("Q: of u", named, u, Q)))
+                  for j, (P, Q, d) in enumerate(zip(t.P, t.Q, t.pivot))]
+    own = [] if solves else [matrix("x_hat = z + T2 y", x, y, t.T2)]
+    own += [matrix("C", y, x, t.C),
            matrix("Limits of z", z, ["from", "to"], np.column_stack([t.z_lo, t.z_hi]))]
     own += [matrix("M: weight of the residual", y, y, t.M)] * t.weighted
     folds.append(Folded("All vertices", tuple(own)))

@@ -56,6 +56,9 @@ def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict
         right = " while the decision was right" if is_unproved(design, real) else ""
         parts.insert(1, f"no true state outside its bounds{right} "
                      f"({words.count(len(simulated), 'simulated scenario')})")
+    steered = sum(o.steering is not None for o in outcomes)
+    if steered:
+        parts.append(f"{words.count(steered, 'run')} in the loop with the true plant kept to the certificate")
     text = f"In {words.count(len(outcomes), 'scenario')} with {words.count(samples, 'sample')}: {words.listed(parts)}."
     if injected:
         text += f" {len(found)} of {words.count(injected, 'fault')} found; none was later than promised."
@@ -92,9 +95,12 @@ def purpose(design) -> str:
                 f"reads {outputs}, and names the fault that is to blame, if one of {faults} is.")
     states = words.listed(s.name for s in plant.x)
     if is_polytopic(design, plant.target.real):
+        law = design.observer.tables[plant.target.real].law
+        steers = "" if law is None else (f"steers {words.listed(plant.y[i].name for i in law.rows)} to references by "
+                                         f"{words.listed(s.name for s in plant.u)}, ")
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
-                f"reads {outputs}, answers with an estimate of {states}, and raises an alarm only where a residual "
-                "cannot be explained without a fault.")
+                f"reads {outputs}, {steers}answers with an estimate of {states}, and raises an alarm only where a "
+                "residual cannot be explained without a fault.")
     return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it reads "
             f"{outputs}, answers with guaranteed bounds on {states}, and raises an alarm only when the measurements "
             "cannot be explained without a fault.")
@@ -110,6 +116,8 @@ def _complaints(design, real: str, o: Outcome) -> list[str]:
         out.append(f"in {name} a mode was decided for too long at {words.count(o.late, 'sample')}")
     if o.false_alarms:
         out.append(f"in {name} there were {words.count(o.false_alarms, 'false alarm')}")
+    if o.steering is not None:
+        out += [f"in {name} {broken}" for broken in o.steering.broken]
     late = [e for e in o.episodes if not outcome_words.kept(design, real, o, e)]
     if late:
         out.append(f"in {name} {words.count(len(late), 'fault')} promised to be found in time went unseen")

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from decimal import ROUND_CEILING, Decimal
+
 import numpy as np
 
 from ..certify import bank as settling
-from ..certify.exact import Q
+from ..certify import bank_limits
+from ..certify.exact import Q, rational
 from ..certify.polytope_detection import check as check_detector
 from ..errors import CertificateError
 from ..observers.bank import BankTables
@@ -30,8 +33,26 @@ def check(plant: Plant, t: BankTables, cert: dict) -> list[str]:
     CertificateError
         Naming the member.
     """
+    rooms(plant, t, cert)
+    return [*(member_words(plant, t, cert, k) for k in range(plant.n_f)), *words(plant, t, cert)]
+
+
+def rooms(plant: Plant, t: BankTables, cert: dict) -> list[dict]:
+    """Check every condition; of each member what is left of its settling time and of its limits.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : BankTables
+    cert : dict
+
+    Raises
+    ------
+    CertificateError
+        Naming the member.
+    """
     problem, s = problem_and_scaling(plant)
-    faults, claims = faults_of(plant), []
+    faults, left = faults_of(plant), []
     if len(t.members) != plant.n_f or len(cert["members"]) != plant.n_f:
         raise CertificateError(f"certificate: {len(t.members)} members (found), expected {plant.n_f}, one per fault.")
     if not np.all(np.isfinite(t.bound)) or cert["calibration"]["runs"] < 1:
@@ -51,11 +72,26 @@ def check(plant: Plant, t: BankTables, cert: dict) -> list[str]:
             check_detector(task, others, gains, M, proof)
             if stored["start"]["member"] != k:
                 raise CertificateError("certificate: the start is another member's.")
-            settling.check(task, gains, M, proof, stored["start"], t)
+            left.append(settling.check(task, gains, M, proof, stored["start"], t) | check_limits(t, proof, k))
         except CertificateError as error:
             raise CertificateError(f'{error} (observer without the sensors of "{fault.name}")') from None
-        claims.append(member_words(plant, t, cert, k))
-    return [*claims, *words(plant, t, cert)]
+    return left
+
+
+def check_limits(t: BankTables, proof: dict, k: int) -> dict:
+    """Check the limits of one member; see ``certify.bank_limits.check``.
+
+    Parameters
+    ----------
+    t : BankTables
+    proof : dict
+        Of its detector.
+    k : int
+    """
+    own, n = t.members[k], len(t.x_lo)
+    begin = sum(len(m.M) for m in t.members[:k])
+    return bank_limits.check(own, rational(np.array(proof["level"]["P1"])), proof["level"]["contraction"], t,
+                             t.limit[k * n:(k + 1) * n], t.most[begin:begin + len(own.M)])
 
 
 def member_words(plant: Plant, t: BankTables, cert: dict, k: int) -> str:
@@ -88,13 +124,21 @@ def words(plant: Plant, t: BankTables, cert: dict) -> list[str]:
     cert : dict
     """
     c = cert["calibration"]
-    sizes = ", ".join(f"{plant.f[k].name} {size:.3g} {plant.f[k].unit}".rstrip()
+    sizes = ", ".join(f"{plant.f[k].name} {_no_less(size):f} {plant.f[k].unit}".rstrip()
                       for k, size in enumerate(settling.isolable(plant, t, cert)))
     return ["while no fault but one acts, and its own observer raises no alarm, no other fault is named",
             f"{t.settle} samples after a start, from anywhere in the range of x, what is left of it in any averaged "
             f"residual is at most {float(settling.SHARE):g} of the threshold",
+            "no input and no measurement that is accepted takes a state or an average to the limits beyond which all "
+            f"observers start anew; all rounding is included ({t.real}, with or without fused multiply-add)",
             f"constant faults of at least this size are named once settled, while the weights stand still and "
             f"disturbances add no more than a threshold: {sizes}",
             f"CALIBRATED, not proved: thresholds above the largest level of {c['runs']} fault-free runs, seed "
             f"{c['seed']} ({'; '.join(c['conditions'])}): a further run of this kind raises an alarm with probability "
             f"{c['probability']:g} at most, confidence {c['confidence']:.4g}"]
+
+
+def _no_less(size: float) -> Decimal:
+    """Three digits, rounded up."""
+    exact = Decimal(size)
+    return exact.quantize(Decimal(1).scaleb(exact.adjusted() - 2), rounding=ROUND_CEILING).normalize()

@@ -10,6 +10,7 @@ import numpy as np
 from ..analysis.calibration import Calibration, Population, calibrate, fault_free_runs, runs_needed
 from ..analysis.validate import side_by_side
 from ..certify import bank as settling
+from ..certify import bank_limits
 from ..certify.exact import rational
 from ..designs import Design
 from ..errors import CertificateError, DesignError
@@ -90,8 +91,11 @@ def drafted(plant: Plant, options: dict, real: str, progress: Callable[[str], No
                for v in "uy" for end, limit in zip(ends, plant.limits(v))}
     rate = float(near(np.array(min(1.0, period / float(options.get("average", AVERAGE * period)))), real))
     keep = max(1, round(float(options.get("keep", KEEP * period)) / period))
-    t = BankTables(real, tuple(members), np.full(len(members), np.inf, real), rate, 0, 0, keep, weights,
-                   **ranges)
+    t = BankTables(real, tuple(members), np.full(len(members), np.inf, real), rate, 0, 0, keep, *_unlimited(members),
+                   weights, **ranges)
+    found = [bank_limits.reach(m, rational(np.array(d.proof["level"]["P1"])), d.proof["level"]["contraction"], t)
+             for m, d in zip(members, detectors)]
+    t = replace(t, limit=np.concatenate([a for a, _ in found]), most=np.concatenate([b for _, b in found]))
     starts, reach, close = [], [], []
     for k, d in enumerate(detectors):
         own = member(plant, problem, faults, s, k)[1]
@@ -101,6 +105,11 @@ def drafted(plant: Plant, options: dict, real: str, progress: Callable[[str], No
                                           members[k].z0.astype(float), *(getattr(t, v).astype(float) for v in box))
             found.append(float(np.sqrt(starts[k]["gain2"] * float(begun))) * (1 + 1e-9))
     return Draft(t, detectors, reach, close, starts)
+
+
+def _unlimited(members: list[Member]) -> tuple[Array, Array]:
+    """Limits of tables that have none yet."""
+    return (np.full(sum(len(v) for v in part), np.inf) for part in ([m.z0 for m in members], [m.M for m in members]))
 
 
 def near(values: Array, real: str) -> Array:

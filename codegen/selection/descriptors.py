@@ -18,7 +18,7 @@ from ..certify.exact import Q
 from ..certify.polytope_gain import check, errors_of
 from ..errors import CertificateError, DesignError
 from ..synthesis import descriptor_direct, descriptor_discrete, descriptor_error, descriptor_uncertain
-from ..synthesis.descriptor_analysis import continuous_level, discrete_level
+from ..synthesis.descriptor_analysis import continuous_level, discrete_level, tied_contraction
 from ..synthesis.descriptor_gains import DirectGains, StandardGains, direct_gains, euler_gains, standard_gains
 from ..synthesis.descriptor_lmi import Bounds, DescriptorDesign
 from ..synthesis.descriptor_problem import (
@@ -98,7 +98,9 @@ def certified(problem: DescriptorProblem, gains, start: dict, s: Scaling) -> tup
         if found is None:
             continue
         proof = start | found | {"level2": max(found["level2"], 0.0) * (1 + 1e-9)}
-        if start["time"] == "discrete":
+        if model.ties:
+            proof |= tied_contraction(model, np.array(found["P1"]), s, margin) or {"Rc": []}
+        elif start["time"] == "discrete":
             proof["contraction"] = shrinking(model, np.array(found["P1"]))
         gamma = sqrt(proof["level2"])
         while Q(gamma) * Q(gamma) < Q(proof["level2"]):
@@ -186,6 +188,9 @@ def designed(problem: DescriptorProblem, method: str, bounds: Bounds, s: Scaling
     if problem.kind not in ("", needed):
         raise DesignError(f"{method}: the plant is {problem.kind} (found), expected {needed}. Take "
                           f"{'descriptor-discrete' if problem.kind == 'discrete' else 'another method'}.")
+    if method == "descriptor-direct" and bounds.period is not None:
+        raise DesignError("descriptor-direct: a period is asked for (found one), whose Euler steps have no proof in "
+                          "continuous time. The method of that name certifies them (residua design).")
     asked = replace(bounds, decay=(1 + SPARE) * bounds.decay / s.time,
                     period=None if bounds.period is None else (1 + SPARE) * bounds.period * s.time)
     return DESIGNS[method].design(scaled(problem, s), asked, **options)

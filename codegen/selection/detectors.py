@@ -7,6 +7,7 @@ from math import sqrt
 
 import numpy as np
 
+from ..algebra.interval import sizes
 from ..certify.exact import Q
 from ..certify.polytope_detection import check, fault_model, level_model
 from ..errors import CertificateError, DesignError
@@ -69,8 +70,7 @@ def faults_of(plant) -> Faults:
     """
     if not plant.f:
         raise DesignError(f"{plant.name}: hminus-hinf detects faults (signals.f is empty). Declare one.")
-    size = np.maximum(*np.abs(plant.limits("f")))
-    size = np.where(np.isfinite(size) & (size > 0), size, 1.0)
+    size = sizes(*plant.limits("f"))
     return Faults(np.array([v.Bf * size for v in plant.polytope.vertices]), plant.polytope.Df * size)
 
 

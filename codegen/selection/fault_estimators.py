@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..plant.model import Plant
 from ..synthesis.descriptor_fault_estimation import FaultDesign, design, gains_of
 from ..synthesis.descriptor_lmi import Bounds
 from ..synthesis.descriptor_problem import Scaling
-from ..synthesis.fault_problem import FaultProblem, fault_problem, in_units, unmoved
+from ..synthesis.fault_problem import FaultProblem, fault_problem, in_units, told, unmoved
 from .fault_tables import frozen
 from .polytopic_tables import tables_of
 
@@ -159,10 +160,9 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
     CertificateError
         Naming what fails.
     """
-    problem, _ = fault_problem(plant)
+    for condition in conditions(plant, t, cert):
+        condition.require()
     period = plant.sample_period if plant.kind == "continuous" else None
-    fault_sets.check(with_faults(plant), problem.whole, t, cert["thresholds"], np.array(cert["T1"]), period,
-                     bend_of_steps(plant))
     last = ", ".join(f"{s.name}: {float(h):.4g}" for s, h in zip(plant.y, t.h[-1]))
     between = ", and what the plant does between samples" if period is not None else ""
     slow = [f"{name} move together by a mode of {mode:.4g}{'/s' if period is not None else ' per sample'} that no "
@@ -172,6 +172,32 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
             f"Df f. Rounding is included ({t.real}, with or without fused multiply-add){between}",
             f"once settled r_bound is {last}; it comes down to that within {t.last << t.shift} samples from anywhere "
             "in the declared range of x and f", *slow]
+
+
+def conditions(plant: Plant, t: PolytopicTables, cert: dict) -> Iterator[fault_sets.Condition]:
+    """The conditions of the bounds.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : PolytopicTables
+    cert : dict
+    """
+    problem, _ = fault_problem(plant)
+    period = plant.sample_period if plant.kind == "continuous" else None
+    return fault_sets.conditions(with_faults(plant), problem.whole, t, cert["thresholds"], np.array(cert["T1"]), period,
+                                 bend_of_steps(plant))
+
+
+def slow_modes(plant: Plant) -> dict[str, float]:
+    """Modes that no observer changes, per second or per sample, by what moves together.
+
+    Parameters
+    ----------
+    plant : Plant
+    """
+    problem, s = fault_problem(plant)
+    return {told(problem, v): mode * s.time for v, mode in unmoved(in_units(problem, s))}
 
 
 def bend_of_steps(plant: Plant) -> Array:

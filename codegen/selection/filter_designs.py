@@ -40,6 +40,9 @@ def explore(plant: Plant, options: dict, progress: Callable[[str], None]) -> Ite
     proposal = propose(problem, synthesis, float(options.get("order_loss", 0.0)),
                        options.get("post_scaling", "none") == "steady")
     gains = {"kind": "filter", "proposal": proposal}
+    if proposal.pairs is not None:
+        progress(f"projection: gains per pair of modes reach {proposal.pairs:.5g} at best, one filter per mode "
+                 f"{proposal.claimed:.5g}")
     progress(f"{synthesis}: thresholds")
     tables, cert = certified(plant, gains, options, plant.target.real)
     label = {"slack": "slack variables", "projection": "projection"}[synthesis]
@@ -72,7 +75,7 @@ def certified(plant: Plant, gains: dict, options: dict, real: str) -> tuple[Filt
     add, drain, limit = problem.switching.dwell
     cert = {"kind": "filter", "level": level, "claimed": proposal.claimed, "reached": reached, "energy": proof,
             "set_of_both": held, "steady_box": None, "dwell_add": add, "dwell_drain": drain, "dwell_limit": limit,
-            "post": [x.tolist() for x in proposal.xi]}
+            "post": [x.tolist() for x in proposal.xi], **({} if proposal.pairs is None else {"pairs": proposal.pairs})}
     if options.get("threshold") == "calibrated":
         return filter_calibration.calibrated(plant, t, cert, options)
     return t, cert

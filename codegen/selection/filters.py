@@ -120,12 +120,15 @@ class Proposal:
         Post scaling, already in C and D; empty without.
     start : dict
         "P" of the design.
+    pairs : float or None
+        Of a design by projection: below it gains per pair of modes cannot come, at its multipliers.
     """
 
     gains: tuple
     claimed: float
     xi: tuple
     start: dict
+    pairs: float | None = None
 
 
 def designed(problem: FilterProblem) -> tuple[FilterDesign, FilterProblem]:
@@ -157,14 +160,17 @@ def propose(problem: FilterProblem, synthesis: str = "slack", loss: float = 0.0,
     if synthesis not in ("slack", "projection"):
         raise DesignError(f'hinf-filter: synthesis is {synthesis!r}, expected "slack" or "projection".')
     design, problem = designed(problem)
+    pairs = None
     if synthesis == "projection":
-        design = hinf_projection.design(problem, design).design
+        found = hinf_projection.design(problem, design)
+        design, pairs = found.design, found.bound
     claimed = design.gamma
     if loss > 0:
         design = reduce_order(problem, design, loss)
     design = balanced(design, problem.sizes[0])
     xi = tuple(post_scaling(problem, design.gains)) if post else ()
-    return Proposal(tuple(scaled(design.gains, xi) if post else design.gains), claimed, xi, design.proof)
+    return Proposal(tuple(scaled(design.gains, xi) if post else design.gains), claimed, xi, design.proof,
+                    pairs)
 
 
 def certify_proposal(problem: FilterProblem, gains, start: dict) -> tuple[float, dict]:

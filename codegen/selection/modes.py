@@ -8,11 +8,13 @@ from contextlib import suppress
 from ..certify import mode_certificate
 from ..designs import Design, claims_of
 from ..errors import CertificateError, DesignError
-from ..observers import FAMILIES, DrivenTables, ModeTables, Supervision
+from ..observers import FAMILIES, DrivenTables, FollowerTables, ModeTables, Supervision
+from ..observers.follower import SETS
 from ..plant.bounded import bounded
 from ..plant.model import Plant
 from ..synthesis import METHODS
 from ..synthesis.driven_tables import joined
+from ..synthesis.follower_tables import following
 from ..synthesis.mode_set import HORIZON, OLDEST
 from ..synthesis.mode_tables import tables_of
 
@@ -114,6 +116,26 @@ def driven(plant: Plant, name: str, told: dict, proofs: dict, choice: list, opti
     tables, certs = both(plant, options, lambda text: progress(f"{name}: {text}"))
     shared = [real for real in tables if real in told]
     return assembled(plant, name, "driven", {r: joined(DrivenTables, tables[r], told[r]) for r in shared},
+                     {r: certs[r] | {"told": proofs[r]} for r in shared}, choice, options)
+
+
+def followed(plant: Plant, name: str, told: dict, proofs: dict, choice: list, options: dict,
+             progress: Callable[[str], None]) -> Design:
+    """A point observer that is told its mode, in the mode that is decided for; parameters and errors as ``driven``.
+
+    Raises
+    ------
+    DesignError, CertificateError
+        As ``designed``; a set that cannot start from a box.
+    """
+    family = next(iter(proofs.values()))["set"]
+    if family not in SETS:
+        raise DesignError(f'{plant.name}: observer.tables is "{options["tables"]}" where the mode is not known, '
+                          'expected "none": the set has to start from bounds of x at run time. Remove it.')
+    tables, certs = both(plant, options, lambda text: progress(f"{name}: {text}"))
+    shared = [real for real in tables if real in told]
+    return assembled(plant, name, "follower",
+                     {r: following(FollowerTables, tables[r], told[r], family) for r in shared},
                      {r: certs[r] | {"told": proofs[r]} for r in shared}, choice, options)
 
 

@@ -9,10 +9,12 @@ from ..designs import Design, claims_of
 from ..errors import CertificateError, DesignError
 from ..observers import FAMILIES, Supervision
 from ..plant.model import Plant
-from . import fault_estimators, polytopic_designs, tracking_designs
+from ..synthesis import METHODS
+from . import descriptor_designs, fault_estimators, polytopic_designs, tracking_designs
 
 #: What proposes and certifies, for methods that have their own.
-MAKERS = {"descriptor-fault-estimation": fault_estimators, "tracking": tracking_designs}
+MAKERS = {"descriptor-direct": descriptor_designs, "descriptor-fault-estimation": fault_estimators,
+          "tracking": tracking_designs}
 #: Delay of a sure alarm that is looked at, where the plant file says nothing.
 WITHIN = 3
 
@@ -24,7 +26,11 @@ def default(plant: Plant) -> str:
     ----------
     plant : Plant
     """
-    return "descriptor-discrete" if plant.kind == "discrete" else "descriptor-uncertain"
+    if plant.kind == "discrete":
+        return "descriptor-discrete"
+    unseen = METHODS["descriptor-uncertain"].module.inapplicable(plant)
+    direct = unseen is not None and METHODS["descriptor-direct"].module.inapplicable(plant) is None
+    return "descriptor-direct" if direct else "descriptor-uncertain"
 
 
 def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], None]) -> Design:
@@ -71,5 +77,5 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
     choice = [{"method": name, "design": f"observer of {len(plant.polytope.vertices)} vertices",
                "level": certs[wanted]["level"], "relative_width": None,
                "surely_detected": [f["by_delay"][-1] for f in faults[wanted]], "chosen": True}]
-    return Design(plant, name, FAMILIES["polytopic"](tables, supervision), certs,
+    return Design(plant, name, FAMILIES[METHODS[name].family](tables, supervision), certs,
                   {real: claims_of(plant, tables[real], certs[real]) for real in tables}, faults, choice, options)

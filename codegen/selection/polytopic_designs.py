@@ -7,19 +7,24 @@ plant's Euler steps; its energy level is one for the plant by these steps, its t
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..algebra.interval import sizes
 from ..certify import polytope_thresholds
+from ..certify.exact import Q
+from ..certify.filter_bounds import Demand
 from ..certify.polytope_gain import check as check_energy
+from ..certify.polytope_gain import discrete_inequalities, errors_of
 from ..errors import CertificateError, DesignError
 from ..observers import PolytopicTables
 from ..plant.model import Plant
 from ..synthesis import hminus_hinf
 from ..synthesis.descriptor_gains import StandardGains, euler_gains, rounded, standard_gains
 from ..synthesis.descriptor_lmi import Bounds
-from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled, scaling_of, sizes
+from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled, scaling_of
 from ..synthesis.hminus_hinf import Faults
 from . import fault_estimators
 from .descriptors import DESIGNS, SPARE, euler_limit, problem_and_scaling
@@ -233,8 +238,38 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
     if not np.array_equal(proof.get("M", t.M), t.M):
         raise CertificateError("certificate: the level is one of another weight of the residual. Design again.")
     claims = check_energy(problem, t, proof)
-    polytope_thresholds.check(plant, problem, t, cert["thresholds"], np.array(proof["T1"]), expected)
+    polytope_thresholds.check(plant, problem, t, cert["thresholds"], np.array(proof.get("T1", [])), expected)
     return sentences(plant, t, cert, claims)
+
+
+def inequalities(plant: Plant, t: PolytopicTables, cert: dict) -> Iterator[tuple[str, str, Array]]:
+    """Yield what must be negative definite: "level" or "contraction", at which vertices, the exact matrix.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : PolytopicTables
+    cert : dict
+    """
+    problem, proof = problem_of(plant, plant.options.get("channel", "state")), cert["energy"]
+    for kind, i, j, S in discrete_inequalities(errors_of(problem, t, proof), proof, Q(proof["level2"])):
+        yield kind, f'observer at "{problem.names[j]}"' + (f', plant at "{problem.names[i]}"' if i is not None else
+                                                          ""), S
+
+
+def demands(plant: Plant, t: PolytopicTables, cert: dict) -> Iterator[Demand]:
+    """The conditions of the thresholds, of an observer alone or beside a law.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : PolytopicTables
+    cert : dict
+    """
+    problem = problem_of(plant, plant.options.get("channel", "state") if t.law is None else "state")
+    T1 = np.array((cert if t.law is not None else cert["energy"])["T1"])
+    period = plant.sample_period if plant.kind == "continuous" else None
+    return polytope_thresholds.demands(plant, problem, t, cert["thresholds"], T1, period)
 
 
 def sentences(plant: Plant, t: PolytopicTables, cert: dict, energy: list[str]) -> list[str]:

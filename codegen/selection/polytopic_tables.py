@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..certify import filter_bounds, polytope_bounds, polytope_thresholds
+from ..certify import descriptor_bounds, filter_bounds, polytope_thresholds
 from ..certify.exact import Q, down, rational, up
 from ..errors import CertificateError, DesignError, EmitError
-from ..observers import PolytopicTables
+from ..observers import DescriptorTables, PolytopicTables
 from ..plant.model import Plant
 from ..plant.weight_program import weight_program
 from ..synthesis.descriptor_gains import StandardGains
@@ -121,12 +121,11 @@ def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float |
     if moving:
         raise DesignError(f"{plant.name}: the input {moving[0]} moves between samples (found), expected inputs that "
                           "are held: what it does there has no bound here. Remove its rate.")
-    every = polytope_thresholds.every_pair(problem)
-    n, size = len(problem.E), np.ones(len(problem.E))
-    first, rows = np.reshape(T1, (-1, n, n))[0] @ problem.E, None
+    n, far, rows, solves = len(problem.E), np.zeros(len(problem.E)), None, isinstance(t, DescriptorTables)
+    first = np.eye(n) if solves else np.reshape(T1, (-1, n, n))[0] @ problem.E
     for _ in range(2):  # the limits of z tell the rounding, which tells the set, which tells the limits
-        t = limited(plant, t, first, 0 * size if rows is None else BEYOND * size)
-        model, T1E = polytope_bounds.model(plant, every, t, T1, period)
+        t = limited(plant, t, first, BEYOND * far)
+        model, T1E = polytope_thresholds.model_of(plant, problem, t, T1, period)
         chooser = Chooser(model, polytope_thresholds.graph_of(model), 0)
         low = chooser.reached(np.concatenate(chooser.O))
         for count in ROWS if most is None else (most,):
@@ -137,7 +136,8 @@ def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float |
         else:
             raise DesignError(f"{plant.name}: no set of the error is kept for all weights (found none), so there is no "
                               "threshold. Ask for a faster decay or other gains, or raise observer.set_rows.")
-        size = kept[2][0, :n]
+        size = kept[2][0, :len(T1E)]
+        far = descriptor_bounds.room(plant, problem, t, size) if solves else size
     t, cert = _laid_out(plant, t, chooser, *kept, polytope_thresholds.starts(plant, t, T1E))
     cert["reached"] = low.reshape(-1, len(t.M)).max(axis=0).tolist()
     polytope_thresholds.check(plant, problem, t, cert, T1, period)

@@ -141,7 +141,7 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
         return make(plant, method, options, progress)
     if method and METHODS[method].family == "bank":
         return banks.designed(plant, method, options, progress)
-    if method and METHODS[method].family == "polytopic":
+    if method and METHODS[method].family in ("polytopic", "descriptor"):
         return polytopes.designed(plant, method, options, progress)
     trials, reasons = [], []
     for name in methods:
@@ -353,7 +353,8 @@ def finish(plant: Plant, trials: list[Trial], options: dict, progress: Callable[
     choice = [t.summary(plant) for t in trials]
     choice[0]["chosen"] = True
     if not plant.switching.known:
-        return modes.driven(plant, best.method, tables, certs, choice, options, progress)
+        make = modes.followed if METHODS[best.method].sets else modes.driven
+        return make(plant, best.method, tables, certs, choice, options, progress)
     family = best.cert.get("set") or METHODS[best.method].family_for(plant)
     observer = FAMILIES[family](tables, supervision(plant, certs[plant.target.real]))
     return Design(plant, best.method, observer, certs, proved, faults, choice, options)

@@ -13,6 +13,7 @@ from math import sqrt
 
 import numpy as np
 
+from ..algebra.interval import sizes
 from ..certify import polytope_thresholds
 from ..certify.exact import product, rational
 from ..certify.sampled_vertices import SampledVertices, sampled_vertices
@@ -24,7 +25,7 @@ from ..observers.polytopic_tables import PolytopicTables
 from ..plant.model import Plant
 from ..synthesis import tracking, tracking_analysis
 from ..synthesis.descriptor_gains import StandardGains, rounded
-from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled, sizes
+from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled
 from ..synthesis.tracking import Speed
 from .polytopic_tables import frozen, tables_of
 
@@ -36,6 +37,8 @@ ROOM = 1.05
 #: Share of the slowest decay asked for that is proved of the sampled loop.
 PROVED = 0.8
 MARGINS = (1e-8, 1e-6)
+#: What is kept of how far the loop gets: states, inputs, integrals.
+REACHED = ("x", "u", "s")
 
 
 @dataclass(frozen=True)
@@ -198,8 +201,10 @@ def certified(plant: Plant, proposal: Proposal, options: dict, real: str) -> tup
     rows = options.get("set_rows")
     t, held = frozen(plant, problem_of(plant), replace(t, law=_typed(law, real)), T1, plant.sample_period,
                      None if rows is None else int(rows))
+    reached = _ranges(plant, found, t, vertices)  # with the limit that it has now
     return t, {"kind": "polytopic", "level": proof["level"]["gamma"], "claimed": proof["level"]["gamma"],
-               "loop": proof, "T1": T1.tolist(), "limit": None, "thresholds": held, "steady_box": None}
+               "loop": proof, "T1": T1.tolist(), "limit": None, "thresholds": held, "steady_box": None,
+               "reached": {name: reached[name].tolist() for name in REACHED}, "missed": vertices.error.tolist()}
 
 
 def sampled_problem(plant: Plant, vertices: SampledVertices) -> DescriptorProblem:
@@ -296,6 +301,11 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
     if proof["level"]["inputs"] != plant.n_w + plant.n_v or proof["level"]["gamma"] != cert["level"]:
         raise CertificateError("certificate: the level is not one from disturbances and noises. Design again.")
     reached = _ranges(plant, found, t, vertices)
+    said = [(reached[name], cert["reached"][name], f"{name} reaches") for name in REACHED]
+    for values, claimed, words in (*said, (vertices.error, cert["missed"], "sampling misses")):
+        if not np.all(values <= np.array(claimed)):
+            raise CertificateError(f"certificate: {words} more than is claimed (found), expected at most that. Design "
+                                   "again.")
     polytope_thresholds.check(plant, problem_of(plant), t, cert["thresholds"], np.array(cert["T1"]),
                               plant.sample_period)
     return _sentences(plant, t, proof, reached, vertices)
@@ -303,13 +313,26 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
 
 def _ranges(plant, found, t, vertices) -> dict[str, Array]:
     """Bounds of the closed loop, refused where they leave a range."""
-    size = _sizes(plant, t)
-    reached = envelope(found, t, t.law, size)
+    reached = envelope(found, t, t.law, sizes_of(plant, t))
+    check_envelope(*bounded(plant, t, vertices, reached))
+    return reached
+
+
+def bounded(plant: Plant, t: PolytopicTables, vertices: SampledVertices, reached: dict[str, Array]) -> tuple:
+    """What ``tracking_bounds.limits`` takes.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : PolytopicTables
+    vertices : SampledVertices
+    reached : dict
+        From ``tracking_bounds.envelope``.
+    """
     names = {"x": [s.name for s in plant.x], "u": [s.name for s in plant.u],
              "s": [f"integral of {plant.y[i].name}" for i in t.law.rows]}
     inner = {"x": _inner(plant.limits("x")), "u": np.minimum(_inner(plant.limits("u")), _inner((t.u_lo, t.u_hi)))}
-    check_envelope(reached, size, inner, vertices.speed, plant.sample_period, names)
-    return reached
+    return reached, sizes_of(plant, t), inner, vertices.speed, plant.sample_period, names
 
 
 def _sentences(plant, t, proof, reached, vertices) -> list[str]:
@@ -339,7 +362,15 @@ def _sentences(plant, t, proof, reached, vertices) -> list[str]:
         "from anywhere in the declared range of x"]
 
 
-def _sizes(plant, t) -> Sizes:
+def sizes_of(plant: Plant, t: PolytopicTables) -> Sizes:
+    """What the signals of a closed loop without fault are at most.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : PolytopicTables
+        With a law.
+    """
     x, u, v = (np.maximum(*np.abs(plant.limits(name))) for name in "xuv")
     exact = rational(np.eye(plant.n_x)) - product(rational(t.T2), rational(plant.polytope.C))
     eb = start_error(exact, plant.x0_lo, plant.x0_hi, t.z0)

@@ -8,6 +8,7 @@ from types import ModuleType
 from . import (
     bank,
     component_interval,
+    descriptor_direct,
     descriptor_discrete,
     descriptor_error,
     descriptor_fault_estimation,
@@ -60,7 +61,7 @@ class Method:
     @property
     def sets(self) -> bool:
         """Whether it is an estimate with an error set, which the options ``SETS`` choose."""
-        return not (self.framers or self.estimates_mode or self.family in ("filter", "polytopic", "bank"))
+        return not (self.framers or self.estimates_mode or self.family in ("filter", "polytopic", "descriptor", "bank"))
 
     @property
     def estimates_mode(self) -> bool:
@@ -99,6 +100,9 @@ METHODS = {
                         "Zammali (2020), Theorem 21", ellipsoid, automatic=False),
     "hinf-filter": Method(("discrete switched", "discrete LPV"), "filter", "filter that estimates faults, H-infinity",
                           "Farhat, Koenig (2016)", fault_filter, automatic=False),
+    "descriptor-direct": Method(("continuous polytopic descriptor",), "descriptor",
+                                "observer that solves the algebraic equations itself, H-infinity",
+                                "Lopez-Estrada (2014), Corollary 3.2.1", descriptor_direct, automatic=False),
     "descriptor-uncertain": Method(("continuous polytopic descriptor",), "polytopic",
                                    "observer with weights at its estimate, mismatch as uncertainty, H-infinity",
                                    "Lopez-Estrada (2014), Theorem 3.3.1", descriptor_uncertain, automatic=False),
@@ -131,6 +135,8 @@ SETS = {"set": ("zonotope", "ellipsoid", "interval"), "order": (2, 200),
         "tables": ("none", "schedule", "dwell", "arbitrary"), "rows": (1, 200), "stages": (3, 50),
         "directions": (2, 64), "weights": ("fixed", "trace"),
         "membership": ("auto", "exact", "directions"), "gains": dict}
+#: Options of those among them that find the mode themselves.
+FINDING = {"modes": ("set",), **mode_set.OPTIONS}
 
 
 def known_options(methods: list[str]) -> dict:
@@ -138,7 +144,7 @@ def known_options(methods: list[str]) -> dict:
     known: dict = {}
     for name in methods:
         entry = METHODS[name]
-        own = OPTIONS if entry.framers else (SETS if entry.sets else {}) | entry.module.OPTIONS
+        own = OPTIONS if entry.framers else (SETS | FINDING if entry.sets else {}) | entry.module.OPTIONS
         for key, allowed in own.items():
             words = isinstance(allowed, tuple) and isinstance(allowed[0], str)
             known[key] = tuple(dict.fromkeys((*known.get(key, ()), *allowed))) if words else allowed

@@ -85,7 +85,7 @@ def continuous_level(model, s: Scaling, S: Array, direct: bool, decay: float, pe
 
 
 def discrete_level(model, s: Scaling, S: Array, contraction: float, margin: float) -> dict | None:
-    """Least level in discrete time, of the standard form.
+    """Least level in discrete time, of the standard form, or with algebraic equations that the observer solves.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def discrete_level(model, s: Scaling, S: Array, contraction: float, margin: floa
     Returns
     -------
     proof : dict or None
-        "level2", "P1", "P2", "R"; None where the solver finds no level.
+        "level2", "P1", "P2", "R", with ``model.ties`` "Re" too; None where the solver finds no level.
     """
     n, rows, size = len(model.E), s.rows, np.linalg.norm(S, axis=0)
     left, right = np.concatenate([1 / s.columns, rows]), np.concatenate([s.columns, s.columns])
@@ -110,19 +110,25 @@ def discrete_level(model, s: Scaling, S: Array, contraction: float, margin: floa
     conditions = [level >= LEAST**2, *(P >> margin * np.eye(n) for P in (P1, P2))]
     out = _clean(np.hstack([_floats(model.C) * right, _floats(model.D)]))
     R, N = cp.Variable((out.shape[1], S.shape[1])) if S.size else None, {}
-    for (_, j), (A, B) in model.pairs.items():
+    Ee, ties = _floats(model.Ee), _ties(model, right)
+    Re, Rc = (cp.Variable((k, S.shape[1])) if ties else None for k in (out.shape[1], n))
+    for (i, j), (A, B) in model.pairs.items():
         A, B = _clean(left[:, None] * _floats(A) * right), _clean(left[:, None] * _floats(B))
         N[j] = A[:n, :n]
         flow, k = np.hstack([A, B]), B.shape[1]
-        now = cp.bmat([[P1, np.zeros((n, n))], [np.zeros((n, n)), E.T @ P2 @ E]])
+        now = cp.bmat([[Ee.T @ P1 @ Ee, np.zeros((n, n))], [np.zeros((n, n)), E.T @ P2 @ E]])
         if k:
             now = cp.bmat([[now, np.zeros((2 * n, k))], [np.zeros((k, 2 * n)), level * np.eye(k)]])
         M = flow[:n].T @ P1 @ flow[:n] + flow[n:].T @ P2 @ flow[n:] - now + out.T @ out
         if S.size:
             M = M + he(R @ (Sn.T @ flow[n:]))
+        if ties:
+            M = M + he(Re @ ties[i, j])
         conditions.append(_negative((M + M.T) / 2, margin))
-    for own in N.values():
-        M = own.T @ P1 @ own - contraction**2 * P1
+    for j, own in N.items():
+        M = own.T @ P1 @ own - contraction**2 * (Ee.T @ P1 @ Ee)
+        if ties:
+            M = M + he(Rc @ ties[j, j][:, :n])
         conditions.append(_negative((M + M.T) / 2, margin))
     if not solve(cp.Problem(cp.Minimize(level), conditions)):
         return None
@@ -130,7 +136,46 @@ def discrete_level(model, s: Scaling, S: Array, contraction: float, margin: floa
     units = np.concatenate([right, np.ones(out.shape[1] - 2 * n)])
     free = R.value / units[:, None] / size if S.size else np.zeros((out.shape[1], 0))
     return {"level2": float(level.value), "P1": (P1 / np.outer(s.columns, s.columns)).tolist(),
-            "P2": (P2 * np.outer(rows, rows)).tolist(), "R": free.tolist()}
+            "P2": (P2 * np.outer(rows, rows)).tolist(), "R": free.tolist(),
+            **({"Re": (Re.value / units[:, None]).tolist()} if ties else {})}
+
+
+def _ties(model, right: Array) -> dict:
+    """The rows that are zero, in scaled coordinates."""
+    units = {pair: np.concatenate([right, np.ones(tie.shape[1] - len(right))]) for pair, tie in model.ties.items()}
+    return {pair: _clean(_floats(tie) * units[pair]) for pair, tie in model.ties.items() if tie.size}
+
+
+def tied_contraction(model, P1: Array, s: Scaling, margin: float) -> dict | None:
+    """Factor by which every sample shrinks e' Ee' P1 Ee e, where the observer solves algebraic equations.
+
+    Parameters
+    ----------
+    model : ErrorModel
+    P1 : ndarray (n, n)
+        In the plant's units.
+    s : Scaling
+    margin : float
+
+    Returns
+    -------
+    proof : dict or None
+        "contraction", "Rc"; None where the solver finds none.
+    """
+    n, right = len(model.E), np.concatenate([s.columns, s.columns])
+    P, Ee, ties = P1 * np.outer(s.columns, s.columns), _floats(model.Ee), _ties(model, right)
+    square, conditions = cp.Variable(), []
+    Rc = cp.Variable((n, next(iter(ties.values())).shape[0])) if ties else None
+    for (_, j), (A, _) in model.pairs.items():
+        N = _clean(_floats(A[:n, :n]) * s.columns / s.columns[:, None])
+        M = N.T @ P @ N - square * (Ee.T @ P @ Ee)
+        if ties:
+            M = M + he(Rc @ ties[j, j][:, :n])
+        conditions.append(_negative((M + M.T) / 2, margin))
+    if not solve(cp.Problem(cp.Minimize(square), conditions)):
+        return None
+    return {"contraction": float(np.sqrt(max(square.value, 0.0)) * (1 + 1e-9)),
+            "Rc": (Rc.value / s.columns[:, None] if ties else np.zeros((n, 0))).tolist()}
 
 
 def sensitivity_level(model, M: Array, s: Scaling, S: Array, margin: float) -> dict | None:

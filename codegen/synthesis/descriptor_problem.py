@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 
 from ..algebra.admissibility import left_kernel
+from ..algebra.interval import sizes
 from ..algebra.pencil import finite_eigenvalues, rank
 
 Array = np.ndarray
@@ -193,7 +194,7 @@ def refusal(plant, known: bool = False) -> str | None:
     return None
 
 
-def inapplicable(plant, continuous: bool = True) -> str | None:
+def inapplicable(plant, continuous: bool = True, seen: bool = True) -> str | None:
     """Why a plant cannot have an observer of these methods, with what to change; None if it can.
 
     Parameters
@@ -201,6 +202,8 @@ def inapplicable(plant, continuous: bool = True) -> str | None:
     plant : Plant
     continuous : bool
         The method is one in continuous time.
+    seen : bool
+        It takes the algebraic states from the outputs.
     """
     reason = refusal(plant)
     if reason is not None:
@@ -211,9 +214,10 @@ def inapplicable(plant, continuous: bool = True) -> str | None:
         for s in getattr(plant, vector):
             if not (np.isfinite(s.lo) and np.isfinite(s.hi)):
                 return f'signals.{vector} "{s.name}" has no range, expected one: thresholds rest on it. Add one.'
-    if not visible(problem_of(plant)):
+    if seen and not visible(problem_of(plant)):
+        other = ', or use method "descriptor-direct"' if plant.kind == "continuous" else ""
         return ("rank [E; C] is less than the number of states: no T1, T2 with T1 E + T2 C = I exist, an algebraic "
-                "state is not seen by the outputs. Measure it.")
+                f"state is not seen by the outputs. Measure it{other}.")
     return None
 
 
@@ -251,17 +255,6 @@ def kernel_of(E: Array) -> Array:
     E : ndarray (n, n)
     """
     return np.array([[float(x) for x in row] for row in left_kernel(E)]).reshape(len(E), -1)
-
-
-def sizes(lo: Array, hi: Array) -> Array:
-    """Largest magnitude of each range; 1 where there is none.
-
-    Parameters
-    ----------
-    lo, hi : ndarray (n,)
-    """
-    size = np.maximum(np.abs(lo), np.abs(hi))
-    return np.where(np.isfinite(size) & (size > 0), size, 1.0)
 
 
 def pairs_of(plant, exact=()) -> tuple[tuple[int, int], ...]:

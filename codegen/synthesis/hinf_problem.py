@@ -16,6 +16,7 @@ import numpy as np
 
 from ..algebra.automaton import Automaton, arbitrary, dwell_time
 from ..algebra.dwell import ratio
+from ..algebra.interval import sizes
 from ..errors import DesignError
 
 Array = np.ndarray
@@ -138,10 +139,10 @@ def problem_of(plant) -> FilterProblem:
             raise DesignError(f'{plant.name}: modes.{m.name}.{name} depends on a parameter (hinf-filter takes measured '
                               "ones in A and B of a plant file). Bound its effect by w or v.")
     plant = plant.observed
-    size = {v: _sizes(*plant.limits(v)) for v in "uf"}
+    size = {v: sizes(*plant.limits(v)) for v in "uf"}
     modes = []
     for m in plant.modes:
-        w, v = _sizes(m.w_lo, m.w_hi), _sizes(m.v_lo, m.v_hi)
+        w, v = sizes(m.w_lo, m.w_hi), sizes(m.v_lo, m.v_hi)
         n_x, n_y, n_u = plant.n_x, plant.n_y, plant.n_u
         place = np.zeros((n_x + n_u, n_x + len(w) + len(v) + n_u + plant.n_f))
         place[:n_x, :n_x], place[n_x:, -n_u - plant.n_f:-plant.n_f] = np.eye(n_x), np.diag(size["u"])
@@ -212,12 +213,6 @@ def in_coordinates(problem: FilterProblem, T: Array) -> FilterProblem:
         return FilterMode(T @ m.A @ back, T @ m.E, m.C @ back, m.F, m.Cz @ back, m.Fz, blocks)
 
     return replace(problem, modes=tuple(moved(m) for m in problem.modes))
-
-
-def _sizes(lo: Array, hi: Array) -> Array:
-    """Largest magnitude of each range; 1 where there is none."""
-    size = np.maximum(np.abs(lo), np.abs(hi))
-    return np.where(np.isfinite(size) & (size > 0), size, 1.0)
 
 
 def repeated(M: Array, rows: int) -> Block:

@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 
 from ..algebra.dwell import ratio, shortest
 from ..errors import DesignError
-from .framers import POLYTOPIC, UNTOLD, through_reason
+from .framers import POLYTOPIC, through_reason, untold_reason
 from .problem import Problem
 
 Array = np.ndarray
@@ -182,8 +182,6 @@ def common_reason(plant) -> str | None:
     """Why a plant cannot have a point observer with a set of residuals, with what to change; None if it can."""
     if plant.polytope is not None:
         return POLYTOPIC
-    if not plant.switching.known:
-        return UNTOLD
     if (reason := through_reason(plant)) is not None:
         return reason
     if plant.kind != "discrete":
@@ -191,8 +189,8 @@ def common_reason(plant) -> str | None:
     if plant.theta:
         return ('the plant has scheduling parameters, expected constant matrices per mode. Use method "lpv-interval" '
                 'or "tnl-interval-lpv".')
-    if not plant.switching.known:
-        return "the mode is not known at run time, expected switching.known = true."
+    if (reason := untold_reason(plant)) is not None:
+        return reason
     if plant.switching.late:
         return 'the mode is told late, expected at its own sample. Use method "tnl-interval-lpv".'
     if plant.n_y == 0:

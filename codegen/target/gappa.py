@@ -29,6 +29,9 @@ TAKEN = r"(?m)^ +\|size_(\w+) - exact_size_\1\| <= (\S+) ->$"
 DEFINED = r"(?m)^# .*\n(\w+) r=\n(?:    .*\n)+?exact_\1 =\n(?:    .*\n)*?    .*;\n\n?"
 ASSUMED = r"    (?:#|.* ->$)"
 GOALS = r"(?ms)^    \(\n(.*)\n    \)\n\)\n\}"
+#: Families whose C has no margin for rounding, and why.
+WITHOUT = {"bank": "no rounding margins to prove: the thresholds of a bank are calibrated on the arithmetic of the C "
+                   "itself; what rounding can do to its states is in their limits, which residua certify checks."}
 #: What Gappa says of a script that it can read and cannot prove.
 UNTRUE = ("not satisfied", "empty interval", "no contradiction was found")
 
@@ -54,6 +57,25 @@ class RoundingResult:
     rows: int
     seconds: float
     version: str
+
+
+def nothing_to_prove(folder: str | Path) -> str:
+    """Say why there is no script for a folder; empty where there has to be one.
+
+    Parameters
+    ----------
+    folder : str or Path
+
+    Returns
+    -------
+    why : str
+
+    Raises
+    ------
+    ToolError
+        The folder has no record.
+    """
+    return WITHOUT.get(read_record(Path(folder)).get("family"), "")
 
 
 def prove_rounding(folder: str | Path) -> RoundingResult:

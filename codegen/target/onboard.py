@@ -20,6 +20,8 @@ from .metrics import run
 STACK = 1024 + 256
 KINDS = ("step", "ordinary", "predict", "refused")
 WRAPPED = ("step", "predict", "reset")
+#: Of a tracking law, both kind and function.
+LAW = ("track", "coast")
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class TargetRun:
     counts : dict
         Kind of call -> Count, over the golden vectors. "step": every accepted step, alarms and restarts too.
         "ordinary": those with the guarantee in force, after two measured samples within bounds. "predict";
-        "refused": calls of both that are refused.
+        "refused": calls of both that are refused. Of a tracking law also "track" and "coast".
     flash_bytes : int
         Code and constants of the observer's object, without the compiler's library.
     stack_bytes : int or None
@@ -124,7 +126,8 @@ def run_on(folder: str | Path, board: str, start: Path, extra: tuple[str, ...] =
     digest = _on_host(folder, start, tuple(p.read_bytes() for p in _sources(folder, prefix, start)))
     stack, painted = said["stack_bytes"]
     return TargetRun(board, b.words, said["self_test"][0], said["digest"] == digest, b.unit,
-                     {kind: _count(b, said[kind], said["empty"][1]) for kind in KINDS}, int(text) + int(data),
+                     {kind: _count(b, said[kind], said["empty"][1]) for kind in (*KINDS, *_law(record))},
+                     int(text) + int(data),
                      stack if stack < painted else None, said["state_bytes"][0],
                      run([gcc, "--version"]).splitlines()[0], " ".join(flags), _simulator(b))
 
@@ -171,7 +174,12 @@ def _harness(folder: Path, record: dict, start: Path) -> list[str]:
              "CALL": f"__real_{prefix}_##name"}
     return [f"-I{folder}", *(f"-D{name}(name)={text}" for name, text in names.items()), f"-D{macro}_NO_MAIN",
             "-include", f"{prefix}.h", str(start / "main.c"), str(folder / f"test_{prefix}.c"),
-            *(f"-Wl,--wrap={prefix}_{call}" for call in WRAPPED)]
+            *(f"-Wl,--wrap={prefix}_{call}" for call in (*WRAPPED, *_law(record))), *["-DLAW"] * ("law" in record)]
+
+
+def _law(record: dict) -> tuple[str, ...]:
+    """The calls of a tracking law, where there is one."""
+    return LAW if "law" in record else ()
 
 
 def _simulate(command: list[str], here: Path) -> str:

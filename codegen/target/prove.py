@@ -32,8 +32,14 @@ OPTIONS = ("-no-autoload-plugins", "-load-module", "from,inout,eva,scope,report"
 PATHS = {"calls": 100_000, "one_step": 100, "one_predict": 100, "refused": 100, "{}_step": 200, "{}_predict": 200,
          "{}_check": 200, "{}_y_accepted": 500}
 
+#: Where paths of a family are kept apart, and where the range of a number is looked at in parts: a mean reads what it
+#: writes.
+OWN_PATHS = {"bank": {"{}_sound": 200}}
+IN_PARTS = {"sliding": "{}_pair:16"}
+
 #: Families without a harness.
-UNPROVED = ("polytopic", "bank", "sliding")
+UNPROVED: tuple[str, ...] = ("follower", "descriptor")
+CALLS, LAW_CALLS = ("init", "step", "predict", "reset"), ("law_init", "track", "coast")
 ASSERTS = ("state_is_in_box", "answer_is_whole", "nothing_is_written", "refused")  # functions of the harness
 
 
@@ -87,26 +93,32 @@ def prove(folder: str | Path) -> ProofResult:
     sources = [f"{prefix}.c", f"prove_{prefix}.c"]
     if record.get("family") in UNPROVED:
         raise ToolError(f"{folder}: no harness is made for family {record['family']} (found), expected framers, a "
-                        "point observer, a filter or a set of modes. residua certify, fuzz and validate check it.")
+                        "point or polytopic observer, a filter, a mode estimator or a bank. residua certify, fuzz and "
+                        "validate check it.")
     for name in sources:
         if not (folder / name).is_file():
             raise ToolError(f"{folder / name}: not found. Make the folder again with residua generate.")
     paths = PATHS | ({"{}_u_accepted": 500} if inputs else {})
     paths |= {"{}_theta_accepted": 500} if record.get("n_theta") else {}
+    paths |= OWN_PATHS.get(record.get("family"), {})
+    if "law" in record:
+        paths |= {"one_tracked": 100, "one_coasted": 100, "law_refused": 100, "{}_track": 200, "{}_coast": 200}
     apart = ",".join(f"{name.format(prefix)}:{count}" for name, count in paths.items())
     longest = max([64, *(count + 1 for _, _, count in record.get("state", ()))])  # loops over an error set too
+    parts = IN_PARTS.get(record.get("family"), "").format(prefix)
+    options = [*OPTIONS, *(("-eva-subdivide-non-linear-function", parts) if parts else ())]
     version = _run(["-version"], folder).split()[0]
     begin = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="residua-") as scratch:
         table = Path(scratch) / "properties.csv"
-        said = _run([*OPTIONS, "-eva-auto-loop-unroll", str(longest), "-main", f"prove_{prefix}", "-eva",
+        said = _run([*options, "-eva-auto-loop-unroll", str(longest), "-main", f"prove_{prefix}", "-eva",
                      "-eva-slevel-function", apart, *sources, "-then", "-report-csv", str(table)], folder)
         if not table.is_file():
             raise ToolError("frama-c: wrote no list of properties. Run it again, or install another version.")
         with table.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file, delimiter="\t", quoting=csv.QUOTE_NONE))
     seconds = time.monotonic() - begin
-    alarms, properties = judge(rows, said, prefix)
+    alarms, properties = judge(rows, said, prefix, CALLS + LAW_CALLS * ("law" in record))
     covered = [int(percent) for percent in re.findall(r"(?:analyzed|reached) \(out of \d+\): (\d+)% coverage", said)]
     return ProofResult(not alarms, alarms, seconds, version, properties, min(covered, default=0))
 
@@ -139,7 +151,8 @@ def require(result: ProofResult) -> None:
                               f"{result.alarms[0]}. Print the C again; if that does not help, report it.")
 
 
-def judge(rows: list[dict], said: str, prefix: str) -> tuple[tuple[str, ...], dict[str, int]]:
+def judge(rows: list[dict], said: str, prefix: str,
+          calls: tuple[str, ...] = CALLS) -> tuple[tuple[str, ...], dict[str, int]]:
     """Read Frama-C's list of properties.
 
     Parameters
@@ -150,6 +163,8 @@ def judge(rows: list[dict], said: str, prefix: str) -> tuple[tuple[str, ...], di
         What Eva printed.
     prefix : str
         Of the observer.
+    calls : tuple of str
+        Functions of the observer that the harness must have called.
 
     Returns
     -------
@@ -168,7 +183,7 @@ def judge(rows: list[dict], said: str, prefix: str) -> tuple[tuple[str, ...], di
     # A list without these is no proof, however clean: the harness was not walked through.
     kinds = {(r["property kind"], r["function"]) for r in ours}
     called = {kind for kind, _ in kinds}
-    missing = [f"{prefix}_{call}: was not called" for call in ("init", "step", "predict", "reset")
+    missing = [f"{prefix}_{call}: was not called" for call in calls
                if f"precondition of {prefix}_{call}" not in called]
     missing += [f"prove_{prefix}.c: no assertion of {name} was reached" for name in (*ASSERTS, f"prove_{prefix}")
                 if ("user assertion", name) not in kinds]

@@ -87,7 +87,7 @@ static zammali_modes_real zammali_modes_size(zammali_modes_real value)
  */
 static zammali_modes_real zammali_modes_clip(zammali_modes_real value, zammali_modes_real limit)
 {
-    zammali_modes_real result = value;
+    zammali_modes_real result;
 
     if (!(value >= -limit))
     {
@@ -99,7 +99,7 @@ static zammali_modes_real zammali_modes_clip(zammali_modes_real value, zammali_m
     }
     else
     {
-        /* within the limit */
+        result = value;
     }
     return result;
 }
@@ -675,6 +675,7 @@ static bool zammali_modes_pair(zammali_modes_state *s, const zammali_modes_in *i
     zammali_modes_real r_lo[ZAMMALI_MODES_NY];
     zammali_modes_real r_hi[ZAMMALI_MODES_NY];
     zammali_modes_real total = 0.0F;
+    const zammali_modes_real old = s->level[q]; /* read once: a mean lies between both */
     const bool kept = zammali_modes_holds(in, lo, hi, r_lo, r_hi);
 
     if (!fresh)
@@ -687,7 +688,7 @@ static bool zammali_modes_pair(zammali_modes_state *s, const zammali_modes_in *i
         total += zammali_modes_size(rate_hi[i]);
         total += zammali_modes_size(rate_lo[i]);
     }
-    s->level[q] += (ZAMMALI_MODES_SMOOTH * (total - s->level[q]));
+    s->level[q] = old + (ZAMMALI_MODES_SMOOTH * (total - old));
     if (!(s->level[q] >= 0.0F))
     {
         s->level[q] = 0.0F;

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.designs import VARIANTS, stand_in
-from helpers.kept import OTHERS, POINTS, STATED, first_of_each
-from helpers.table_numbers import every_number_of_a_set, every_number_of_the_family
+from helpers.kept import OTHERS, POINTS, STATED, family_of, first_of_each
+from helpers.table_numbers import every_number_of_a_bank, every_number_of_a_set, every_number_of_the_family
 
 import codegen
 from codegen.assurance import document
@@ -25,7 +25,7 @@ from codegen.assurance.claims import claims
 from codegen.assurance.places import constants
 from codegen.assurance.plant_lines import plant_lines
 from codegen.designs import read_checked
-from codegen.emit.package import files
+from codegen.emit.package import firmware
 from codegen.errors import CertificateError
 from codegen.pipeline import check_assurance
 from codegen.plant.load import gallery_folder, load
@@ -82,7 +82,8 @@ def test_every_claim_of_the_design_is_there(folder, made):
         about_the_c = c["id"] in ("arithmetic", "execution")
         assert all(c["condition"].values()) and set(c["constants"]) <= known and set(c["checks"]) <= set(CHECKS)
         assert about_the_c or (c["plant"] and c["constants"] and all(c["lines"].values()))
-        assert about_the_c or c["margins"] or c["id"].startswith("detection") or c["id"] in ("monitor", "sampling")
+        assert about_the_c or c["margins"] or c["id"].startswith("detection") or c["id"] in (
+            "monitor", "sampling", "decision")
         assert all(m["margin"] >= 0 and (m["expected"] == ">= 0" or m["margin"] > 0) for m in c["margins"])
         assert c["checks"]
 
@@ -121,6 +122,9 @@ def test_every_number_of_the_tables_is_there(folder, made):
             found[c["name"], c["mode"], *e["index"]] = e["value"]
     if folder in POINTS:
         every_number_of_a_set(t, found, [m.name for m in design.plant.modes])
+        return
+    if family_of(folder) == "bank":
+        every_number_of_a_bank(t, found)
         return
     if folder in OTHERS:
         every_number_of_the_family(t, found, [m.name for m in design.plant.modes])
@@ -171,7 +175,7 @@ def test_a_line_that_is_not_certain_is_not_named():
 def test_constants_are_found_in_every_kind_of_c(family, variant, layout):
     design = stand_in(family, **VARIANTS[variant])
     real = "float64" if layout == "table" else "float32"
-    p, texts = design.plant.target.prefix, files(design, real, layout, measure=False)
+    p, texts = design.plant.target.prefix, firmware(design, real, layout)
     text = texts[f"{p}.c"].splitlines()
     found = constants(design, real, layout, texts[f"{p}.c"], texts[f"{p}.h"])
     assert sum(len(c.entries) for c in found) > 8
@@ -203,7 +207,7 @@ MUTANTS = [  # what, pattern, replacement: of any C that emission prints; tables
 def printed(family, layout):
     """C that is accepted as it is."""
     design = stand_in(family, sizes=(2, 2, 2, 2))
-    p, texts = design.plant.target.prefix, files(design, "float32", layout, measure=False)
+    p, texts = design.plant.target.prefix, firmware(design, "float32", layout)
     constants(design, "float32", layout, texts[f"{p}.c"], texts[f"{p}.h"])
     return design, texts[f"{p}.c"], texts[f"{p}.h"]
 

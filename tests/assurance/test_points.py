@@ -17,7 +17,7 @@ from codegen.assurance.claims import claims
 from codegen.assurance.places import constants
 from codegen.certify.set_claims import CHECKS
 from codegen.designs import read_checked
-from codegen.emit.package import files
+from codegen.emit.package import firmware
 from codegen.errors import CertificateError
 from codegen.observers import FAMILIES
 
@@ -28,7 +28,7 @@ LAYOUTS = ("literal", "table", "loop")
 def printed(variant, layout, real="float32"):
     plant, options = VARIANTS[variant]
     design = point_design(random_plant(**plant), **options)
-    texts = files(design, real, layout, measure=False)
+    texts = firmware(design, real, layout)
     return design, texts["pt.c"], texts["pt.h"]
 
 

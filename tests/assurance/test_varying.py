@@ -17,7 +17,7 @@ from codegen.assurance import document
 from codegen.assurance.c_reader import blank
 from codegen.assurance.claims import claims
 from codegen.assurance.places import constants
-from codegen.emit.package import files, generate
+from codegen.emit.package import firmware, generate
 from codegen.errors import CertificateError
 from codegen.pipeline import check_assurance
 from codegen.plant.load import load
@@ -48,7 +48,7 @@ def printed(name, layout):
     """C without comments, in the order of lines, and its header."""
     design = design_of(name)
     real = "float64" if name == "two" else "float32"
-    p, texts = design.plant.target.prefix, files(design, real, layout, measure=False)
+    p, texts = design.plant.target.prefix, firmware(design, real, layout)
     return design, real, blank(texts[f"{p}.c"]), texts[f"{p}.h"]
 
 

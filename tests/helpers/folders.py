@@ -2,7 +2,8 @@
 
 import subprocess
 
-from codegen.emit import files
+from codegen.emit import files, firmware
+from codegen.host.build import build
 
 GCC = ["-std=c99", "-ffp-contract=off", "-ffreestanding", "-Werror", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion",
        "-Wsign-conversion", "-Wdouble-promotion", "-Wfloat-equal", "-Wfloat-conversion", "-Wvla", "-Walloca",
@@ -20,6 +21,14 @@ def write(design, folder, real="float32", layout="table"):
     for name, text in files(design, real, layout, measure=False).items():
         (folder / name).write_text(text, encoding="ascii")
     return folder
+
+
+def built(design, folder, real="float32", layout="table"):
+    """Write the C alone and compile it; return its driver."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in firmware(design, real, layout).items():
+        (folder / name).write_text(text, encoding="ascii")
+    return build(folder)
 
 
 def compile_(command, folder):

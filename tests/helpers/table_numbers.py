@@ -6,12 +6,21 @@ import numpy as np
 
 
 def every_number_of_the_family(t, found, modes):
-    """All arrays of the tables but the ranges of x, which the C does not know, and S; of pairs of modes no diagonal."""
+    """All arrays of the tables but S and the ranges of x where the C has none; of pairs of modes no diagonal.
+
+    Of a polytopic observer the constants of its weights and all numbers of a law beside it too.
+    """
     by_mode, checked = {key[0] for key in found if key[1]}, 0
-    for name, value in vars(t).items():
-        if not isinstance(value, np.ndarray) or name in ("S", "x_lo", "x_hi", "x0_lo", "x0_hi"):
+    own = vars(t)
+    if hasattr(t, "weights"):
+        own = own | {"weights": np.array(t.weights.constants)}
+    if getattr(t, "law", None) is not None:
+        own = own | vars(t.law) | {"period": np.array(t.law.period)}
+    for name, value in own.items():
+        there = name in {key[0] for key in found}
+        if not isinstance(value, np.ndarray) or (name in ("S", "x_lo", "x_hi", "x0_lo", "x0_hi") and not there):
             continue
-        if name not in {key[0] for key in found} and not np.any(value):
+        if not there and not np.any(value):
             continue  # a product with zeros alone is left out
         for index, v in np.ndenumerate(value):
             if name.startswith(("J", "birth")) and index[0] == index[1]:
@@ -20,6 +29,19 @@ def every_number_of_the_family(t, found, modes):
             assert found[name, *key] == float(v), (name, index)
             checked += 1
     assert checked == len(found)
+
+
+def every_number_of_a_bank(t, found):
+    """All numbers of all members, thresholds, limits, weights and ranges of the input check, and none beside."""
+    expected = {("rate", ""): t.rate} | {("weights", "", k): c for k, c in enumerate(t.weights.constants)}
+    parts = [(f"{name}_{k}", getattr(m, name)) for k, m in enumerate(t.members)
+             for name in ("T2", "C", "F", "G", "K", "M", "z0")]
+    for name, value in (*parts, *((k, getattr(t, k)) for k in (
+            "bound", "limit", "most", "u_lo", "u_hi", "y_lo", "y_hi"))):
+        expected |= {(name, "", *index): float(v) for index, v in np.ndenumerate(value)}
+    for key in [k for k in expected if k[0] == "weights" and k not in found]:
+        assert not expected.pop(key)  # zeros are many
+    assert found == expected
 
 
 def every_number_of_a_set(t, found, modes):

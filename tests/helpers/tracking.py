@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from codegen.analysis import closed_loop as loops
 from codegen.designs import read_design
 from codegen.observers import PolytopicObserver
 
@@ -52,6 +53,11 @@ def observer(tables=None) -> PolytopicObserver:
     """The observer of the design, or of other tables."""
     own = designed().observer
     return PolytopicObserver(own.tables if tables is None else tables, own.supervision)
+
+
+def closed_loop(plant, unit, ref, seed=0, draw="uniform", fault=None, missing=None):
+    """One run with what is drawn."""
+    return loops.closed_loop(plant, unit, ref, loops.drawn(plant, len(ref), seed, draw, fault, missing))
 
 
 class CompiledTracker:

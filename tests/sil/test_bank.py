@@ -8,10 +8,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from helpers import banks
-from helpers.folders import write
+from helpers.folders import built
 from helpers.tools import need
 
-from codegen.host import build
 from codegen.observers import BankObserver, Supervision
 from codegen.observers.bank import blamed
 
@@ -27,7 +26,7 @@ def test_the_c_equals_the_reference(real, tmp_path):
     y[1, 20], y[1, 100] = np.nan, [0, 1e9, 0]
     u[2, 70], y[3] = np.inf, np.random.default_rng(0).uniform(t.y_lo, t.y_hi, y[3].shape)
     reference = design.observer.run_many(u, y, q, real)
-    assert build(write(design, tmp_path, real, "table")).run_many(u, y, q).differs(reference) == []
+    assert built(design, tmp_path, real, "table").run_many(u, y, q).differs(reference) == []
     assert set(np.unique(reference.status)) == {0, 2, 3}
     assert set(np.unique(reference.isolated)) == {-1, 0, 1, 2} and not reference.assured.any()
     assert len(np.unique(reference.raised)) >= 5 and 0 < reference.ready.mean() < 1 and 0 < reference.inside.mean() < 1

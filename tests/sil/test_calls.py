@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from helpers.designs import VARIANTS, stand_in
-from helpers.folders import compile_, write
+from helpers.folders import built, compile_, write
 
 from codegen.errors import ToolError
 from codegen.host import build
@@ -38,7 +38,7 @@ def good(record):
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_refusal_changes_no_byte(family, variant, real, tmp_path):
-    driver = build(write(stand_in(family, prefix="cart", **VARIANTS[variant]), tmp_path, real, "loop"))
+    driver = built(stand_in(family, prefix="cart", **VARIANTS[variant]), tmp_path, real, "loop")
     record = driver.record
     s, given, out = make(driver)
     assert driver.ffi.sizeof(s[0]) == record["state_bytes"]
@@ -78,7 +78,7 @@ def test_refusal_changes_no_byte(family, variant, real, tmp_path):
 def test_two_instances_do_not_meet(family, tmp_path):
     """Two states stepped in turn answer as each would alone."""
     design = stand_in(family, prefix="cart", **VARIANTS["guarded"])
-    driver = build(write(design, tmp_path))
+    driver = built(design, tmp_path)
     t, rng = design.observer.tables["float32"], np.random.default_rng(0)
     u = rng.uniform(t.u_lo, t.u_hi, (2, 60, 2)).astype(t.dtype)
     y = (rng.uniform(t.y_lo, t.y_hi, (2, 60, 2)) * 0.5).astype(t.dtype)
@@ -99,7 +99,7 @@ def test_two_instances_do_not_meet(family, tmp_path):
 @pytest.mark.parametrize("family", FAMILIES)
 def test_predict_reads_no_measurement(family, tmp_path):
     """NaN in y or any other number: the same answer, with zeros where there is nothing to say."""
-    driver = build(write(stand_in(family, prefix="cart", **VARIANTS["guarded"]), tmp_path))
+    driver = built(stand_in(family, prefix="cart", **VARIANTS["guarded"]), tmp_path)
     u, y = good(driver.record)
     answers = []
     for other in (y, [float("nan")] * len(y)):
@@ -119,7 +119,7 @@ def test_predict_reads_no_measurement(family, tmp_path):
 @pytest.mark.parametrize("family", FAMILIES)
 def test_reset_forgets(family, real, tmp_path):
     """After reset nothing of the past is left but the declared ranges."""
-    driver = build(write(stand_in(family, prefix="cart", **VARIANTS["guarded"]), tmp_path, real))
+    driver = built(stand_in(family, prefix="cart", **VARIANTS["guarded"]), tmp_path, real)
     record = driver.record
     (used, given, out), (fresh, *_) = make(driver), make(driver)
     call(driver, "init", used)

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from helpers.folders import write
+from helpers.folders import built
 from helpers.varying import changed_design
 from test_gallery import signals
 
-from codegen.host import build
 from codegen.observers import FramerTables
 
 LAYOUTS = ("literal", "table", "loop")
@@ -23,13 +22,13 @@ def test_every_layout_equals_the_reference(design, real, tmp_path):
     reference = design.observer.run_many(u, y, q, real)
     assert reference.raw_bits.any() and reference.assured.any() and {0, 1, 3} <= set(np.unique(reference.status))
     for layout in LAYOUTS:
-        driver = build(write(design, tmp_path / layout, real, layout))
+        driver = built(design, tmp_path / layout, real, layout)
         assert driver.run_many(u, y, q).differs(reference) == [], layout
 
 
 def test_another_initial_box(design, tmp_path):
     """The box of z follows that of x; with the plant file's box of z in its place the bounds would be others."""
-    driver = build(write(design, tmp_path / "box"))
+    driver = built(design, tmp_path / "box")
     u, y, q = np.ones((9, 1)), np.zeros((9, 2)), np.zeros(9, dtype=int)
     plain = driver.run(u, y, q)
     for box in ({"x0_lo": [-5, -4, -3], "x0_hi": [4, 5, 6]}, {"x0_hi": [4, 5, 6]}):

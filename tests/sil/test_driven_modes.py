@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 from helpers.driven import AGES, plant, stand_in
-from helpers.folders import CLANG, CXX, GCC, compile_, write
+from helpers.folders import CLANG, CXX, GCC, built, compile_, write
 from helpers.small_modes import exact_course
 from helpers.tools import need
 from sil.test_equal import stimulus
@@ -42,7 +42,7 @@ def test_c_equals_the_reference(name, real, layout, supervision, tmp_path):
     design = stand_in(name, supervision)
     u, y, q, theta = signals(design, name, real)
     reference = design.observer.run_many(u, y, q, real, theta=theta)
-    driver = build(write(design, tmp_path, real, layout))
+    driver = built(design, tmp_path, real, layout)
     assert driver.run_many(u, y, q, theta=theta).differs(reference) == []
     # The samples reach what they are to test; the mode that is handed over is not read.
     assert set(np.unique(reference.status)) == {0, 2, 3} | ({4} if theta.shape[2] else set())

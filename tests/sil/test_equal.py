@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.designs import VARIANTS, stand_in
-from helpers.folders import write
+from helpers.folders import built, write
 
 from codegen.host import build
 from codegen.observers import Trace
@@ -51,7 +51,7 @@ def test_every_layout_equals_the_reference(family, variant, real, tmp_path):
     assert reference.raw_bits.any() and not reference.raw_bits.all() and reference.latched_bits.any()
     assert reference.assured.any() and not reference.assured.all()
     for layout in LAYOUTS:
-        driver = build(write(design, tmp_path / layout, real, layout))
+        driver = built(design, tmp_path / layout, real, layout)
         assert (driver.layout, driver.real, driver.prefix, driver.family) == (layout, real, "cart", family)
         trace = driver.run_many(u, y, q)
         assert trace.differs(reference) == [], layout
@@ -92,7 +92,7 @@ def test_a_mutant_is_noticed(family, tmp_path):
 
 def test_initial_box_and_single_run(tmp_path):
     design = stand_in("tnl", prefix="cart")
-    driver = build(write(design, tmp_path))
+    driver = built(design, tmp_path)
     u, y, q = stimulus(design.observer.tables["float32"], np.random.default_rng(1), runs=4)
     box = {"x0_lo": np.array([-0.1, 0.2, 0.3]), "x0_hi": np.array([0.1, 0.7, 0.9])}  # not float32: rounded outward
     assert driver.run_many(u, y, q, **box).differs(design.observer.run_many(u, y, q, **box)) == []
@@ -106,7 +106,7 @@ def test_initial_box_and_single_run(tmp_path):
 def test_converts_only_what_does_not_fit(tmp_path):
     """float64, Fortran order, strides, lists and narrow integers give the same numbers as what the C wants."""
     design = stand_in("interval", prefix="cart")
-    driver = build(write(design, tmp_path))
+    driver = built(design, tmp_path)
     u, y, q = stimulus(design.observer.tables["float32"], np.random.default_rng(2), runs=4)
     q = np.clip(q, 0, 2)
     expected = driver.run_many(u, y, q)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.folders import write
+from helpers.folders import built
 from helpers.kept import first_of_each
 
 from codegen.designs import read_design
@@ -17,7 +17,7 @@ from codegen.host.build import build
 
 GENERATED = Path(__file__).resolve().parents[2] / "generated"
 DESIGNS = sorted(p.parent.name for p in GENERATED.glob("*/design.json"))
-RUNS, STEPS = 200, 500
+RUNS, STEPS = 500, 200
 
 
 @lru_cache(maxsize=4)
@@ -122,7 +122,7 @@ def printed():
 @pytest.mark.parametrize(("name", "real", "layout"), list(printed()))
 def test_c_equals_reference(name, real, layout, reference, tmp_path):
     u, y, q, theta, expected = reference(name, real)
-    driver = build(write(design_of(name), tmp_path / "c", real=real, layout=layout))
+    driver = built(design_of(name), tmp_path / "c", real=real, layout=layout)
     assert driver.run_many(u, y, q, theta=theta).differs(expected) == []
     assert RUNS * STEPS >= 10**5
     # The signals do reach what there is to reach.

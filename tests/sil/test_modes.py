@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.folders import CLANG, CXX, GCC, compile_, write
+from helpers.folders import CLANG, CXX, GCC, built, compile_, write
 from helpers.small_modes import PLANTS, exact_course, stand_in
 from helpers.tools import need
 from sil.test_equal import stimulus
@@ -36,7 +36,7 @@ def test_c_equals_the_reference(name, real, layout, tmp_path):
     design = stand_in(name, AGES, SUPERVISIONS[name])
     u, y, q = signals(design, real)
     reference = design.observer.run_many(u, y, q, real)
-    driver = build(write(design, tmp_path, real, layout))
+    driver = built(design, tmp_path, real, layout)
     assert driver.run_many(u, y, q).differs(reference) == []
     # The samples reach what they are to test; the mode that is handed over is not read.
     n_modes = design.plant.n_modes

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from helpers.descriptors import made, sampled
-from helpers.folders import CLANG, CXX, GCC, compile_, write
+from helpers.folders import CLANG, CXX, GCC, built, compile_, write
 from helpers.scripts import load as script
 from helpers.tools import need
 
@@ -165,7 +165,7 @@ def test_designs_keep_their_promise_on_the_c(name, real, tmp_path):
     design = made(name)
     runs = tuple(replace(s, name=f"run {k}", w="corner", v="corner", steps=60)
                  for k, s in enumerate([design.plant.scenarios[0]] * 2))
-    driver = build(write(design, tmp_path, real))
+    driver = built(design, tmp_path, real)
     for o in validate(replace(design, plant=replace(design.plant, scenarios=runs)), driver):
         assert o.passed and o.trace.assured.all() and o.trace.inside.all()
 
@@ -176,7 +176,7 @@ def test_a_threshold_that_is_too_low_is_found_out(tmp_path):
     tables = {r: replace(t, h=t.h / 60) for r, t in design.observer.tables.items()}
     design = replace(design, observer=PolytopicObserver(tables, design.observer.supervision))
     short = replace(design.plant, scenarios=(replace(design.plant.scenarios[1], steps=60),))
-    corner = validate(replace(design, plant=short), build(write(design, tmp_path)))[0]
+    corner = validate(replace(design, plant=short), built(design, tmp_path))[0]
     assert corner.false_alarms > 0 and not corner.differences
 
 
@@ -185,7 +185,7 @@ def test_faults_of_the_disc_are_found(tmp_path):
     given = enumerate(design.plant.scenarios[1].fault)
     faults = tuple(replace(f, start=20 + 40 * k, stop=40 + 40 * k) for k, f in given)
     short = replace(design.plant, scenarios=(replace(design.plant.scenarios[1], steps=120, fault=faults),))
-    outcome = validate(replace(design, plant=short), build(write(design, tmp_path)))[0]
+    outcome = validate(replace(design, plant=short), built(design, tmp_path))[0]
     assert [e.delay for e in outcome.episodes] == [0, 0] and outcome.passed
 
 

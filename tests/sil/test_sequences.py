@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.folders import write
+from helpers.folders import built, write
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -22,7 +22,7 @@ NAMES = ("cart_tnl-interval", "lamouchi_component-interval", "zammali_fd_interva
 def bench(request, tmp_path_factory):
     """Design and compiled driver."""
     design = read_design(GENERATED / request.param)
-    return design, build(write(design, tmp_path_factory.mktemp(request.param)))
+    return design, built(design, tmp_path_factory.mktemp(request.param))
 
 
 def numbers(signals):

@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from helpers.folders import write
+from helpers.folders import built, write
 from helpers.points import VARIANTS, changed, in_turn, point_design, random_plant
 from helpers.set_changes import (
     BASIS_CHANGES,
@@ -61,7 +61,7 @@ def test_c_equals_the_reference(variant, real, made, tmp_path):
     assert reference.raw_bits.any() and not reference.raw_bits.all() and reference.assured.any()
     which = LAYOUTS if variant == "two outputs" else [LAYOUTS[len(variant) % 3]]
     for layout in which:
-        driver = build(write(design, tmp_path / layout, real, layout))
+        driver = built(design, tmp_path / layout, real, layout)
         trace = driver.run_many(u, y, q)
         assert trace.differs(reference) == [], layout
         box = {} if isinstance(design.observer, ThresholdObserver) else {"x0_lo": np.full(len(t.box), -0.01),
@@ -74,14 +74,22 @@ def quiet_outputs(design, u, q, wild):
     """Outputs of the plant itself under mild noise, with the samples that are missing in ``wild``."""
     plant, out = design.plant, wild.copy()
     rng = np.random.default_rng(0)
-    for run in range(len(u)):
-        x = plant.x0_lo + (plant.x0_hi - plant.x0_lo) * rng.random(plant.n_x)
-        for k in range(u.shape[1]):
-            m = plant.modes[q[run, k] if 0 <= q[run, k] < plant.n_modes else 0]
-            inputs = np.where(np.abs(u[run, k]) <= 0.3, u[run, k], 0.0)
-            y = m.C @ x + m.D @ inputs + m.Dv @ (m.v_lo + (m.v_hi - m.v_lo) * rng.random(plant.n_v))
-            out[run, k] = np.where(np.abs(wild[run, k]) <= 20.0, y, wild[run, k])
-            x = m.A @ x + m.B @ inputs + m.Bw @ (m.w_lo + (m.w_hi - m.w_lo) * rng.random(plant.n_w))
+    p = np.where((q >= 0) & (q < plant.n_modes), q, 0)
+    inputs = np.where(np.abs(u) <= 0.3, u, 0.0)
+
+    def drawn(side, size):
+        lo, hi = (np.array([getattr(m, f"{side}_{end}") for m in plant.modes])[p] for end in ("lo", "hi"))
+        return lo + (hi - lo) * rng.random((*p.shape, size))
+
+    def times(name, k, vector):
+        return np.einsum("rij,rj->ri", np.array([getattr(m, name) for m in plant.modes])[p[:, k]], vector)
+
+    v, w = drawn("v", plant.n_v), drawn("w", plant.n_w)
+    x = plant.x0_lo + (plant.x0_hi - plant.x0_lo) * rng.random((len(u), plant.n_x))
+    for k in range(u.shape[1]):
+        y = times("C", k, x) + times("D", k, inputs[:, k]) + times("Dv", k, v[:, k])
+        out[:, k] = np.where(np.abs(wild[:, k]) <= 20.0, y, wild[:, k])
+        x = times("A", k, x) + times("B", k, inputs[:, k]) + times("Bw", k, w[:, k])
     return out
 
 
@@ -166,7 +174,7 @@ def test_rounding_is_inside_the_set(kind, options, tmp_path):
                            "x0_hi": np.full(3, 0.1)})
     design = point_design(plant, kind, **options)
     bare = without_rounding(design)
-    drivers = [build(write(d, tmp_path / name, "float32", "loop")) for name, d in (("sound", design), ("bare", bare))]
+    drivers = [built(d, tmp_path / name, "float32", "loop") for name, d in (("sound", design), ("bare", bare))]
     found = np.zeros((2, 2), dtype=int)
     for seed in range(2):
         u, y, q, states = exact_run(plant, 200, np.random.default_rng(seed))
@@ -245,9 +253,9 @@ def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
     """Corners aligned with the residual at one sample. A generator dropped from the tables, and it alarms falsely."""
     design = point_design(random_plant(seed=9, schedule=(0, 1, 1, 2, 0, 0)), kind, **options)
     plant = design.plant
-    drivers = {"sound": build(write(design, tmp_path / "sound"))}
+    drivers = {"sound": built(design, tmp_path / "sound")}
     for name, shape in smaller_sets(design).items():
-        drivers[name] = build(write(changed(design, shape=shape), tmp_path / name))
+        drivers[name] = built(changed(design, shape=shape), tmp_path / name)
     runs, rng = [], np.random.default_rng(0)
     for angle in np.linspace(0, np.pi, 12, endpoint=False):
         q = rng.integers(0, plant.n_modes, 14)

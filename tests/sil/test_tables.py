@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.folders import write
+from helpers.folders import built
 from helpers.points import changed, point_design, random_plant
 from sil.test_sets import driven, exact_run, lost, worst_noise
 
@@ -45,7 +45,7 @@ def test_modes_out_of_turn_do_not_alarm(tmp_path):
     """The noise that is worst for the modes as they are, not as they should be; blind to them, the list alarms."""
     plant = random_plant(seed=9, schedule=TURN)
     d = point_design(plant, "tnl", tables="schedule", rows=6)
-    driver, runs = build(write(d, tmp_path)), []
+    driver, runs = built(d, tmp_path), []
     for i, angle in enumerate(np.linspace(0, np.pi, 10, endpoint=False)):
         q = np.resize(TURN, 16)
         q[11 + i % 3:] = i % 2
@@ -66,7 +66,7 @@ def test_no_state_is_lost_in_exact_arithmetic(family, design, tmp_path):
     wrong = {"small": changed(sound, shape={name: getattr(z, name) * share for name in names})}
     if family == "blocks":  # the error of the initial box, wherever the set starts anew
         wrong["first"] = changed(sound, shape={"anywhere": z.start})
-    drivers = {name: build(write(d, tmp_path / name)) for name, d in [("sound", sound), *wrong.items()]}
+    drivers = {name: built(d, tmp_path / name) for name, d in [("sound", sound), *wrong.items()]}
     if family == "schedule":
         drivers["first"] = mutant(tmp_path / "sound", "s->phase_at = PT_PERIOD;\n    s->since = PT_BEGIN;",
                                          "s->phase_at = 0U;\n    s->since = 0U;")

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
 from functools import cache
 
 import numpy as np
 import pytest
 from helpers.folders import CLANG, CXX, GCC, compile_
 from helpers.tools import need
-from helpers.tracking import CompiledTracker, designed, observer
+from helpers.tracking import CompiledTracker, closed_loop, designed, observer
 
-from codegen.analysis.closed_loop import closed_loop
 from codegen.emit import files
 from codegen.observers.feedback import CUT_INPUT, CUT_INTEGRAL, Tracker
 
@@ -106,6 +107,32 @@ def test_a_mutant_of_the_law_is_noticed(old, new, tmp_path):
     at = text.index(old, text.index("quadrotor_command("))  # of the law, not of the observer
     compiled = CompiledTracker(tmp_path, "float32", text[:at] + new + text[at + len(old):])
     assert not equal(compiled, "float32", *signals())
+
+
+def self_test(folder):
+    """Compile the user's test once; return a function that links a C to it and runs it."""
+    compile_(["gcc", "-std=c99", "-c", "test_quadrotor.c", "-o", "test.o"], folder)
+
+    def answer(text):
+        (folder / "quadrotor.c").write_text(text)
+        compile_(["gcc", "-std=c99", "-ffp-contract=off", "-w", "quadrotor.c", "test.o", "-o", "self"], folder)
+        return subprocess.run([folder / "self"], check=False).returncode
+
+    return answer
+
+
+@pytest.mark.parametrize("real", REALS)
+def test_golden_vectors_kill_every_constant_of_the_law(real, tmp_path):
+    """Each changed by one in a thousand."""
+    for name, text in files(designed(), real, "table", measure=False).items():
+        (tmp_path / name).write_text(text, encoding="ascii")
+    text, answer = (tmp_path / "quadrotor.c").read_text(), self_test(tmp_path)
+    assert answer(text) == 0
+    start = text.index("static uint32_t quadrotor_command")
+    places = [m for m in re.finditer(r"(?<=\()\d+\.\d*F?(?= \*)", text) if m.start() > start]
+    assert len(places) > 15
+    for m in places if real == "float32" else places[::9]:
+        assert answer(f"{text[:m.start()]}({m[0]} * 1.001F){text[m.end():]}") != 0, m[0]
 
 
 def test_compilers_find_nothing_in_the_other_number_type(tmp_path):

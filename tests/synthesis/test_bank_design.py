@@ -46,7 +46,7 @@ def test_the_certificate_holds_and_says_what_is_calibrated():
     p, t, cert = bank()
     claims = check(p, t, cert)
     assert claims == banks.design().proved["float32"]
-    assert len(claims) == 7 and claims[-1].startswith("CALIBRATED, not proved")
+    assert len(claims) == 8 and claims[-1].startswith("CALIBRATED, not proved")
     assert sum("cannot move it" in c for c in claims) == 3
     c = cert["calibration"]
     assert np.all(np.array(c["levels"]) * 1.25**2 <= t.bound * (1 + 1e-6)) and c["confidence"] >= 0.95

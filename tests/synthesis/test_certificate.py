@@ -46,6 +46,13 @@ def altered(design, real="float32", tables=None, cert=None, supervision=None):
                    certificate={**design.certificate, real: cert or design.certificate[real]})
 
 
+def only(design, real):
+    """The design in one number type."""
+    observer = type(design.observer)({real: design.observer.tables[real]}, design.observer.supervision)
+    kept = {name: {real: getattr(design, name)[real]} for name in ("certificate", "proved", "detection")}
+    return replace(design, observer=observer, **kept)
+
+
 def verify(design):
     """Everything that is checked of a design: the certificate, its ranges, its dwell monitor."""
     recheck(design)
@@ -96,7 +103,7 @@ def test_changed_table_is_refused(design, tmp_path):
                 if changed is None:
                     continue
                 tried += 1
-                bad = read_design(altered(design, real, changed).save(tmp_path / "design.json"))
+                bad = read_design(only(altered(design, real, changed), real).save(tmp_path / "design.json"))
                 try:
                     verify(bad)
                     let_through.append((real, name, share))

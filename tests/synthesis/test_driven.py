@@ -198,7 +198,7 @@ def test_tampering_is_caught(place, words):
     ("known = false", "known = true", "observer.modes says how the mode is found"),
     ('modes = "set"', 'modes = "sliding"', "observer.modes is 'sliding'"),
     ("minimum_dwell = 1", "", "cannot be found there: no dwell time is declared"),
-    ('method = "tnl-interval"', 'method = "zonotope"', 'Method "mode-set" finds it')])
+    ('method = "tnl-interval"', 'method = "hinf-filter"', 'Method "mode-set" finds it')])
 def test_refusals(old, new, words):
     with pytest.raises(DesignError, match=words):
         codegen.design(loads(CERTIFIED.replace(old, new)))

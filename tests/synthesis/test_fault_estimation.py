@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy
 from flint import fmpq
-from helpers.folders import write
+from helpers.folders import built
 from helpers.scripts import ROOT
 from helpers.tools import need
 
@@ -20,7 +20,6 @@ from codegen.certify.polytope_gain import check as exact_check
 from codegen.certify.program_error import program_errors
 from codegen.designs import claims_of, read_design
 from codegen.errors import CertificateError, DesignError, PlantError
-from codegen.host.build import build
 from codegen.observers.polytopic_step import evaluate
 from codegen.plant.bend import bend
 from codegen.plant.load import gallery_folder, load, loads
@@ -98,7 +97,7 @@ def test_the_firmware_estimates_three_faults_at_once_within_its_bounds(tmp_path)
     """Of the compiled C; tests/sil hold it against the reference."""
     need("gcc")
     true = truth()
-    got = build(write(kept(), tmp_path)).run(true.u, true.y)
+    got = built(kept(), tmp_path).run(true.u, true.y)
     late, f_hat = slice(1000, None), got.x_hat[:, 4:]
     assert np.all(true.f[1200:1500] != 0)
     assert np.all(np.sqrt(np.mean((f_hat - true.f)[late] ** 2, axis=0)) < [1e-4, 8e-5, 2e-4])

@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import replace
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from codegen.errors import CertificateError, DesignError, PlantError
 from codegen.observers.supervisor import BAD_MODE, OK
 from codegen.pipeline import design
 from codegen.plant.load import load, loads
+from codegen.report import filter_words
 from codegen.selection import filter_designs
 from codegen.selection.filter_tables import corners, floats
 from codegen.synthesis import METHODS
@@ -263,6 +265,9 @@ def test_post_scaling_order_and_projection_from_the_plant_file():
     assert low.tables.M.shape[1] < 4 and low.cert["level"] <= 1.05 * 0.0722
     other = one(options(synthesis='"projection"', set_rows=8))
     assert other.candidate.label == "projection" and 0.3118 <= other.cert["level"] <= 0.3118 * 1.03
+    assert other.cert["level"] <= other.cert["pairs"] * 1.001 and "pairs" not in post.cert
+    shown = SimpleNamespace(certificate={"float32": other.cert}, plant=loads(options(synthesis='"projection"')))
+    assert "could not come below 0.3119" in filter_words.facts(shown, "float32")[1].text
 
 
 def test_constants_of_the_c_are_those_of_the_problem_in_other_units():

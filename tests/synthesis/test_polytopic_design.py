@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from helpers.descriptors import made
 
-from codegen.certify import polytope_bounds, polytope_thresholds
+from codegen.certify import polytope_bounds, polytope_rounding, polytope_thresholds
 from codegen.certify.exact import Q
 from codegen.designs import recheck
 from codegen.errors import CertificateError, DesignError
@@ -147,7 +147,7 @@ def test_between_samples_the_plant_moves_by_less_than_what_is_taken(name):
 def test_rounding_is_covered():
     """The computed recursion against the same in double precision, from the same numbers: within what is taken."""
     t, rng = made("disc").observer.tables["float32"], np.random.default_rng(2)
-    slip = polytope_bounds.rounding(t)
+    slip = polytope_rounding.rounding(t)
     z = rng.uniform(t.z_lo, t.z_hi, (400, len(t.z_lo))).astype("float32")
     u, y = (rng.uniform(lo, hi, (400, len(lo))).astype("float32") for lo, hi in ((t.u_lo, t.u_hi), (t.y_lo, t.y_hi)))
     none, seen = np.zeros((400, 0), "float32"), np.ones(400, bool)

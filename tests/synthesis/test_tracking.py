@@ -7,20 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flint import fmpq
-from helpers.tracking import designed, observer
+from helpers.tracking import closed_loop, designed, observer
 
-from codegen.analysis.closed_loop import closed_loop
-from codegen.certify.exact import rational
+from codegen.algebra.interval import sizes
+from codegen.certify.exact import pivots, rational
 from codegen.certify.peaks import Sums
 from codegen.certify.sampled_vertices import sampled_vertices
-from codegen.certify.tracking_loop import definite
 from codegen.errors import CertificateError, DesignError
 from codegen.observers.feedback import CUT_INTEGRAL, Tracker
 from codegen.plant.descriptor import Implicit, truth
 from codegen.plant.load import load, loads
 from codegen.selection import tracking_designs
 from codegen.synthesis import METHODS, tracking
-from codegen.synthesis.descriptor_problem import Scaling, problem_of, scaled, sizes
+from codegen.synthesis.descriptor_problem import Scaling, problem_of, scaled
 from codegen.synthesis.tracking import Speed
 
 PLANT = load("quadrotor")
@@ -147,9 +146,9 @@ def test_peaks_bound_every_run_and_are_sharp():
 
 def test_definite_is_exact_where_balls_are_not():
     S = rational(np.array([[1.0, 1.0], [1.0, 1.0]]))
-    assert not definite(S)
+    assert pivots(S)[-1] <= 0
     S[1, 1] = S[1, 1] + fmpq(1, 10**200)  # far below the balls' width
-    assert definite(S) and not definite(-S)
+    assert pivots(S)[-1] > 0 >= pivots(-S)[-1]
 
 
 def tampered(change):
@@ -189,6 +188,9 @@ WRONG = {
     "growth": (of_proof("decay", factor=1.5), "between 0 and 1"),
     "a better level": (of_proof("level", level2=LOOP["level"]["level2"] * 0.9), "the level"),
     "a level of its square": (of_proof("level", gamma=LOOP["level"]["gamma"] * 0.9), "claimed"),
+    "a smaller reach": (lambda p, t, c: (p, t, c | {"reached": c["reached"] | {"u": [0.07, 0.07, 0.04]}}),
+                        "u reaches more"),
+    "a better sampling": (lambda p, t, c: (p, t, c | {"missed": [0.5 * e for e in c["missed"]]}), "sampling misses"),
     "no storage": (of_proof("decay", P=(-np.array(LOOP["decay"]["P"])).tolist()), "positive definite"),
     "more disturbance": (of_plant("[-0.004, 0.004]", "[-0.04, 0.04]"), "the level"),
     "a longer period": (lambda p, t, c: (replace(p, sample_period=0.02), t, c), "another period"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import replace
 from functools import lru_cache
@@ -98,6 +99,32 @@ def test_one_output_from_plant_file_to_board(tmp_path):
     assert row.calibrated < 0.1 * row.guaranteed and row.delay is not None and row.flash > 500 and row.instructions > 50
     table = benchmark.write([replace(row, ranges=3)])
     assert "| a_y, steering known | 3 | 0.9359 |" in table
+
+
+def rows():
+    """Level, and what a run reaches, of each row of the committed table."""
+    cells = [line.split(" | ") for line in benchmark.TABLE.read_text(encoding="utf-8").splitlines()
+             if line.startswith("| a_y")]
+    return {(c[0].removeprefix("| "), int(c[1])): (float(c[2]), float(c[3])) for c in cells}
+
+
+@pytest.mark.parametrize("case", benchmark.CASES, ids=str)
+def test_the_committed_level_is_proved_again(case):
+    """From the constants of the C and their proof, exactly, for the plant as the script makes it; every row."""
+    measured, ranges = case
+    row = json.loads(benchmark.KEPT.read_text(encoding="ascii"))[f"{measured} {ranges}"]
+    level, reached = rows()[benchmark.WORDS[measured], ranges]
+    assert level == round(benchmark.proved(measured, ranges, row), 4) and reached < level
+    assert len(rows()) == len(benchmark.CASES)
+
+
+def test_other_constants_do_not_prove_it():
+    row = json.loads(benchmark.KEPT.read_text(encoding="ascii"))["both 3"]
+    wrong = row["constants"] | {"K": (1.02 * np.array(row["constants"]["K"])).tolist()}
+    with pytest.raises(CertificateError, match="fails from mode"):
+        benchmark.proved("both", 3, row | {"constants": wrong})
+    with pytest.raises(CertificateError, match="fails from mode"):
+        benchmark.proved("both", 3, row | {"energy": row["energy"] | {"level2": 0.998 * row["energy"]["level2"]}})
 
 
 @pytest.mark.parametrize("measured, inputs, disturbances, outputs", [

@@ -23,6 +23,7 @@ from codegen.target.onboard import run_on
 
 ROOT = Path(__file__).resolve().parents[2]
 START = template_root() / "harness" / "board"
+LAW = ROOT / "generated" / "quadrotor_tracking"
 CART = ROOT / "generated" / "cart_tnl-interval"
 #: Designs whose set is carried on in every sample; tables look up a row, which depends on time and modes.
 STEADY = ("zammali_box_ellipsoid", "zammali_ellipsoid_ellipsoid", "zammali_trace_ellipsoid",
@@ -57,6 +58,21 @@ def test_committed_designs(folder):
         assert result.state_bytes == json.loads((folder / "resources.json").read_text())["state_bytes"]
         assert result.counts["step"].calls > 30 and result.counts["refused"].calls > 1
         assert budgets.excess(folder.name, result, budgets.budgets().get((folder.name, board))) == []
+
+
+def test_a_law_on_a_board(arm, tmp_path):
+    """With its observer: the host's bytes, within its budget, which is that of a call of the law."""
+    result = run_on(LAW, "m4f", START)
+    assert result.passed and result.counts["track"].calls > 40 and result.counts["coast"].calls == 3
+    assert result.counts["track"].most > result.counts["step"].most + 100
+    assert budgets.excess(LAW.name, result, budgets.budgets()[LAW.name, "m4f"]) == []
+    found = budgets.figures(result)
+    assert found["instructions"] == result.counts["track"].most
+    folder = shutil.copytree(LAW, tmp_path / "mutant")
+    text = (folder / "quadrotor.c").read_text()
+    assert "0.23816733F * law->s[0]" in text
+    (folder / "quadrotor.c").write_text(text.replace("0.23816733F * law->s[0]", "0.23816735F * law->s[0]"))
+    assert run_on(folder, "m4f", START).self_test > 2000
 
 
 def test_every_point_observer_has_budgets_on_the_small_boards():

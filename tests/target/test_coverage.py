@@ -13,7 +13,11 @@ need("gcc", "gcov", "clang-19", "llvm-cov-19", "llvm-profdata-19")
 coverage = load("coverage")
 
 
-@pytest.mark.parametrize("folder", first_of_each(GENERATED), ids=lambda folder: folder.name)
+#: One of each family, and the observer that has a tracking law beside it.
+WHOLE = [*first_of_each(GENERATED), *(f for f in GENERATED if f.name == "quadrotor_tracking")]
+
+
+@pytest.mark.parametrize("folder", WHOLE, ids=lambda folder: folder.name)
 def test_committed_designs(folder):
     found = coverage.measure(folder)
     assert found.missed == () and found.complete, str(found)

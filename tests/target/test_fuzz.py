@@ -32,12 +32,27 @@ def test_committed_designs(folder):
     assert found.runs == 50000 and found.edges > 80
 
 
-@pytest.mark.parametrize("family", ["ellipsoid", "thresholds", "filter", "mode", "driven"])
+@pytest.mark.parametrize("family", ["ellipsoid", "thresholds", "filter", "mode", "driven", "polytopic", "sliding",
+                                    "bank"])
 def test_other_observers(family):
-    """The set online and as a table, a filter, boxes, driven framers; of other point observers the same common part."""
+    """The set online and as a table, all other families; of other point observers the same."""
     found = run(next(f for f in KEPT if family_of(f) == family), 2000)
     require(found)
     assert found.runs == 2000 and found.edges > 80
+
+
+@pytest.mark.parametrize("old,new", [
+    ("", ""),
+    (r"(    if \(!\w+_ref_accepted\(ref\)\)\n    \{)", r"\1 law->limited = 7U;"),  # a refusal that writes
+    (r"in->u\[i\] = most\[i\];", "in->u[i] = 2.0F * most[i];")])  # an input that is not cut
+def test_a_law_and_its_mutants(old, new, tmp_path):
+    folder = shutil.copytree(next(f for f in KEPT if f.name == "quadrotor_tracking"), tmp_path / "mutant")
+    source = folder / f"{prefix_of(folder)}.c"
+    text, count = re.subn(old, new, source.read_text(), count=1)
+    assert count == 1
+    source.write_text(text)
+    found = run(folder, 2000)
+    assert bool(found.message) == bool(old) and (old or found.edges > 120)
 
 
 @pytest.mark.parametrize("old,new", [

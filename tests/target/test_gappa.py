@@ -10,15 +10,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
-from helpers.kept import OTHERS, POINTS, STATED, family_of
+from helpers.kept import OTHERS, POINTS, ROUNDED, STATED, family_of
 from helpers.scripts import GENERATED
 from helpers.tools import need
 
 from codegen import design as make
 from codegen.certify.exact import Q
 from codegen.certify.sets import SetDemands
+from codegen.cli import main
 from codegen.designs import read_design
 from codegen.emit import files
 from codegen.emit.gappa import rounding
@@ -31,7 +33,8 @@ from codegen.observers.point import blind, forward, residual
 from codegen.plant.load import gallery_names, load
 from codegen.plant.uncertain import is_uncertain
 from codegen.synthesis import METHODS
-from codegen.target.gappa import prove_rounding, require_rounding
+from codegen.target.gappa import nothing_to_prove, prove_rounding, require_rounding
+from codegen.target.prove import ProofResult
 
 REALS = ("float32", "float64")
 SMALL = 30  # sums: a larger script is proved in the number type of the plant file only
@@ -47,7 +50,7 @@ def copy(folder, to, real=None, layout=None):
     design = read_design(folder)
     made = Path(shutil.copytree(folder, to / "copy"))
     name = f"rounding_{design.plant.target.prefix}.g"
-    (made / name).write_text(files(design, real, layout, measure=False)[name], encoding="ascii")
+    (made / name).write_text(script_of(design, real, layout), encoding="ascii")
     return made, made / name
 
 
@@ -60,7 +63,7 @@ def script_of(design, real, layout=None):
 @cache
 def varying_script(plant):
     """Print the script of a gallery plant in its own number type, from its folder where it has one."""
-    kept_design = next((folder for folder in STATED if folder.name.startswith(f"{plant}_")), None)
+    kept_design = next((folder for folder in ROUNDED if folder.name.startswith(f"{plant}_")), None)
     design = make(load(plant)) if kept_design is None else read_design(kept_design)
     return script_of(design, design.plant.target.real)
 
@@ -75,10 +78,10 @@ def put(text, to):
 
 def kept():
     """Every kept design in the plant file's type; framers and filters with a small script in the other type too."""
-    for folder in STATED:
+    for folder in ROUNDED:
         own = json.loads((folder / "resources.json").read_text())["real"]
         small = next(folder.glob("rounding_*.g")).read_text().count(" r=\n") <= SMALL
-        both = small and folder not in POINTS and family_of(folder) != "mode"
+        both = small and folder not in POINTS and family_of(folder) not in ("mode", "polytopic")
         yield from (pytest.param(folder, real, id=f"{folder.name}-{real}") for real in REALS if real == own or both)
 
 
@@ -92,8 +95,24 @@ def test_every_kept_design_is_confirmed(folder, real, tmp_path):
     assert result.rows >= (2 * n_x + 1) * (1 if folder in POINTS + OTHERS else 2) and result.version.startswith("1")
 
 
+def test_a_family_without_margins_says_so(tmp_path, monkeypatch):
+    """Of calibrated thresholds there is no margin to prove: no script is printed, and the command says why."""
+    folder = next(f for f in STATED if f not in ROUNDED)
+    assert not list(folder.glob("*.g")) and not any(name.endswith(".g") for name in files(
+        read_design(folder), measure=False))
+    assert "calibrated on the arithmetic of the C itself" in nothing_to_prove(folder)
+    assert all(nothing_to_prove(f) == "" for f in ROUNDED)
+    header = " ".join(next(folder.glob("*.h")).read_text().replace("*", " ").split())
+    assert "so that there are no rounding margins to prove" in header
+    monkeypatch.setattr("codegen.target.prove.prove", lambda _: ProofResult(True, (), 0.1, "0", {"step": 1}, 100))
+    done = CliRunner().invoke(main, ["prove", str(shutil.copytree(folder, tmp_path / "copy"))])
+    assert done.exit_code == 0 and "no rounding margins to prove" in done.output and "Gappa" not in done.output
+    with pytest.raises(ToolError, match="not found"):
+        prove_rounding(folder)
+
+
 #: Those without a folder, whose scripts are not confirmed whole above.
-ELSEWHERE = [p for p in PLANTS if not any(folder.name.startswith(f"{p}_") for folder in STATED)]
+ELSEWHERE = [p for p in PLANTS if not any(folder.name.startswith(f"{p}_") for folder in ROUNDED)]
 
 
 @pytest.mark.parametrize("plant", ELSEWHERE)
@@ -115,7 +134,8 @@ def shrink(text, name, factor=0.4):
 
 def widen(text, name):
     """Widen the range of every operand of the sum."""
-    operands = set(re.findall(r"(?:in|out|s|m|a)_\w+", re.search(DEFINITION.format(name), text)[1]))
+    operands = set(re.findall(r"\b(?:in|out|s|m|a|z|y|u|x_hat|r|h|v|g)_\w+", re.search(
+        DEFINITION.format(name), text)[1]))
     return re.sub(r"(?m)^( +(\w+) in )\[(\S+), (\S+)\]",
                   lambda m: f"{m[1]}[{scaled(m[3], 1000)}, {scaled(m[4], 1000)}]" if m[2] in operands else m[0], text)
 
@@ -154,7 +174,7 @@ def only(text, names):
 
 
 @pytest.mark.parametrize("wrong", [shrink, widen, change])
-@pytest.mark.parametrize("folder", STATED, ids=lambda f: f.name)
+@pytest.mark.parametrize("folder", ROUNDED, ids=lambda f: f.name)
 def test_what_is_wrong_is_not_confirmed(folder, wrong, tmp_path):
     """One row of each design, another one for each mistake; without the mistake it is confirmed."""
     need("gappa")

@@ -9,6 +9,7 @@ from helpers.tools import need
 need("gcc")
 mutate = load("mutate")
 SMALL = next(folder for folder in GENERATED if folder.name == "cart_tnl-interval")
+LAW = next(folder for folder in GENERATED if folder.name == "quadrotor_tracking")
 SET = next(folder for folder in GENERATED if folder.name == "zammali_ellipsoid_ellipsoid")
 
 
@@ -20,6 +21,15 @@ def test_a_sample_is_killed():
 def test_a_sample_of_a_set_is_killed():
     tried, survived = mutate.survivors(SET, sample=24)
     assert tried > 20 and survived == []
+
+
+def test_a_sample_of_a_law_is_killed(monkeypatch):
+    """Of its own functions, among them comparisons that only a number on the very end of a range decides."""
+    own = re.compile(r"quadrotor_(command|integrate|ref_accepted|law_init|track|coast): ")
+    every = mutate.mutants
+    monkeypatch.setattr(mutate, "mutants", lambda text: [m for m in every(text) if own.match(m.describe(text))])
+    tried, survived = mutate.survivors(LAW, sample=10)
+    assert tried > 8 and survived == []
 
 
 def test_edges_decide(monkeypatch):

@@ -26,6 +26,7 @@ from codegen.plant.simulate import simulate
 
 need("g++")
 operations = load("operations")
+LAW = next(f for f in KEPT if f.name == "quadrotor_tracking")
 STEPS, FAULT, GAPS = 60, range(30, 33), (20, 41, 42)
 #: Stand-ins with a branch of the templates that no committed design has.
 OTHERS = ("three outputs", "other coordinates", "girard", "four outputs", "table, four outputs",
@@ -79,13 +80,28 @@ def test_no_call_takes_more_than_stated_whatever_the_data(folder, tmp_path):
     quiet, other, faulty, gaps, _ = found
     assert all(len(calls) == STEPS and all(c.status == 0 for c in calls) for calls in found)
     assert not any(c.raw for c in quiet + other) and any(c.raw for c in faulty) and not all(c.step for c in gaps)
-    if family_of(folder) in ("mode", "driven", "sliding"):  # what is possible is for the data to say
+    if family_of(folder) in ("mode", "driven", "follower", "sliding"):  # what is possible is for the data to say
         assert by_data(*found)
         return
     assert by_data(*found) == []
     stated = operations.stated(here)
-    most = max(c.multiply for c in golden)
+    most = max(c.multiply for c in golden if not c.law)
     assert most > 5 and stated["multiply"] <= 1.2 * most  # it is a bound of this work, not of any
+
+
+def test_a_law_takes_what_is_stated_whatever_the_data(tmp_path):
+    """Cut or not, every call of one kind takes the same sums and products, and no fewer than stated."""
+    golden, = operations.count(operations.build(LAW, tmp_path))
+    calls = {step: [c for c in golden if c.law and c.step == step and c.status == 0] for step in (True, False)}
+    assert [len({c.sums for c in some}) for some in calls.values()] == [1, 1] and len(calls[True]) > 40
+    bound = operations.stated(LAW, law=True)
+    assert max(c.multiply for c in calls[True]) == bound["multiply"] > operations.stated(LAW)["multiply"]
+    assert max(c.add for c in calls[True]) == bound["add"] and 0 < len(calls[False]) < 5
+    shutil.copytree(LAW, tmp_path / "law")
+    header = tmp_path / "law" / "quadrotor.h"
+    header.write_text(header.read_text().replace(f"{bound['add']} additions", f"{bound['add'] - 1} additions"))
+    (told,) = operations.excess(tmp_path / "law", golden)
+    assert told.startswith("law, law: add")
 
 
 @pytest.mark.parametrize("name", OTHERS)

@@ -1,4 +1,4 @@
-"""The scripts of filters, mode estimators and driven framers are about the sums of the reference, with ==."""
+"""Scripts of all families but framers and point observers are about the sums that the reference calculates, with ==."""
 
 from __future__ import annotations
 
@@ -7,17 +7,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import driven
+from helpers import driven, small_sliding
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import PLANTS, stand_in
 from target.test_gappa import REALS, evaluate, fraction, script_of
 
 from codegen.certify.exact import Q
+from codegen.certify.fault_bounds import slips
 from codegen.certify.filter_model import joint, rounding_of
+from codegen.certify.polytope_rounding import rounding as rounding_bounds
 from codegen.designs import read_design
 from codegen.observers.filter import add_terms
 from codegen.observers.framer import open_loop, propagate, scheduled
 from codegen.observers.mode_set import ModeSet, affine, image
+from codegen.observers.polytopic_step import evaluate as evaluate_program
+from codegen.observers.polytopic_step import step
+from codegen.observers.sliding import carried
 
 ROW = r'(?m)^# [^\n]*: margin [^\n]*\n(\w+) r=$'
 FILTERS = [f for f in OTHERS if family_of(f) == "filter"]
@@ -54,6 +59,35 @@ def test_script_of_a_filter_is_about_the_sums_of_the_reference(folder, real):
     assert checked == len(design.plant.modes) * (len(t.limit) + t.K.shape[1])
 
 
+POLYTOPIC = [f for f in OTHERS if family_of(f) == "polytopic"]
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("folder", POLYTOPIC, ids=lambda f: f.name)
+def test_script_of_a_polytopic_observer_is_about_the_sums_of_the_reference(folder, real):
+    """Put one into the other, the sums make a whole step; each margin is a part of what the thresholds hold."""
+    design, rng, number = read_design(folder), np.random.default_rng(5), np.dtype(real).type
+    t, text, prefix = design.observer.tables[real], script_of(design, real), design.plant.target.prefix
+    z, y, u = (rng.uniform(lo, hi).astype(real) for lo, hi in ((t.z_lo, t.z_hi), (t.y_lo, t.y_hi), (t.u_lo, t.u_hi)))
+    x_hat, r, _, after = step(t, z[None], u[None], y[None], np.zeros((1, 0), real), np.array([True]))
+    weights = np.array([w[0] for w in evaluate_program(t.weights, [*x_hat.T, *u[None].T], real)[:-1]], real)
+    known = slips(t, design.plant.polytope.premises).size if t.known.size else ()
+    held = rounding_bounds(t, known)
+    values = {f"{s}_{j}": a for s, row in (("z", z), ("y", y), ("u", u), ("x_hat", x_hat[0]), ("r", r[0]),
+                                           ("h", weights), ("g", weights[len(t.F):])) for j, a in enumerate(row)}
+    names = re.findall(ROW, text)
+    for name in (n for n in names if "_vertex_" in n):
+        values["v_" + name.partition("_vertex_")[2]] = evaluate(text, name, values, number)
+    expected = {"estimate": (x_hat[0], held.x_hat), "residual": (r[0], held.r), "move": (after[0], held.z)}
+    for name in (n for n in names if "_vertex_" not in n):
+        which, i = name.removeprefix(f"{prefix}_").split("_")
+        margin = Q(float.fromhex(re.search(rf"exact_{name}\| <= (\S+)", text)[1]))
+        assert evaluate(text, name, values, number) == expected[which][0][int(i)], name
+        assert 0 < margin <= expected[which][1][int(i)]
+    stated = {name.removeprefix(f"{prefix}_").rpartition("_")[0] for name in names}
+    assert {"estimate", "residual", "move"} <= stated and sum("_move_" in n for n in names) >= len(z) - 1
+
+
 @pytest.mark.parametrize("real", REALS)
 @pytest.mark.parametrize("plant", PLANTS)
 def test_script_of_a_mode_estimator_is_about_the_sums_of_the_reference(plant, real):
@@ -88,6 +122,28 @@ def boxes_of(design, real, rng):
             row = (base[0] + (added - radius)) - t.birth[p, q]
             expected |= {f"born_{i}_modes_{p}_{q}": v for i, v in enumerate(row)}
     return re.findall(ROW, text), expected, values, text, prefix
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("plant", PLANTS)
+def test_script_of_sliding_modes_is_about_the_sums_of_the_reference(plant, real):
+    design, rng = small_sliding.stand_in(plant), np.random.default_rng(5)
+    t, text = design.observer.tables[real], script_of(design, real)
+    lo, hi = np.sort(rng.uniform(-t.limit, t.limit, (2, len(t.limit))), axis=0).astype(real)
+    u, y = (rng.uniform(a, b).astype(real) for a, b in ((t.u_lo, t.u_hi), (t.y_lo, t.y_hi)))
+    seen = affine(y, -t.D, u)
+    values = {f"{s}_{j}": a for s, row in (("s_lo", lo), ("s_hi", hi), ("in_u", u), ("in_y", y), ("seen", seen))
+              for j, a in enumerate(row)}
+    expected = {f"seen_{i}": v for i, v in enumerate(seen) if np.any(t.D)}
+    for side, row, v in zip(("lo", "hi"), image(t.H, lo, hi, np.zeros(len(y), real)), (t.v_lo, t.v_hi)):
+        expected |= {f"tested_{side}_{i}": a for i, a in enumerate(row + v)}
+    for q in range(design.plant.n_modes):
+        for side, x, parts in (("lo", lo, (t.d_lo, t.G, t.L_lo, t.M_lo)), ("hi", hi, (t.d_hi, t.G, t.L_hi, t.M_hi))):
+            row = carried([part[q] for part in parts], u, seen, x)
+            expected |= {f"moved_{side}_{i}_mode_{q}": a for i, a in enumerate(row)}
+    names, prefix = re.findall(ROW, text), design.plant.target.prefix
+    assert {f"{prefix}_{name}" for name in expected} == set(names) and len(names) == len(expected)
+    agree(text, prefix, expected, values, real)
 
 
 def agree(text, prefix, expected, values, real):

@@ -11,18 +11,15 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from helpers.folders import write  # noqa: E402
+from helpers.folders import built  # noqa: E402
 
 from codegen.analysis.mode_promise import dropped, unbound  # noqa: E402
 from codegen.analysis.replay import replay  # noqa: E402
 from codegen.analysis.validate import judge, validate  # noqa: E402
 from codegen.compare import dwell_of, variants  # noqa: E402
 from codegen.designs import read_design  # noqa: E402
-from codegen.errors import ToolError  # noqa: E402
-from codegen.host.build import build  # noqa: E402
 from codegen.report import firmware_words, verdict  # noqa: E402
 from codegen.report.design_words import words_of  # noqa: E402
-from codegen.target.prove import prove  # noqa: E402
 
 FOLDER = Path(__file__).resolve().parents[2] / "generated" / "zammali_modes_mode-sliding"
 
@@ -34,7 +31,7 @@ def design():
 
 @pytest.fixture(scope="module")
 def outcomes(design, tmp_path_factory):
-    driver = build(write(design, tmp_path_factory.mktemp("sliding") / "c"))
+    driver = built(design, tmp_path_factory.mktemp("sliding") / "c")
     return driver, validate(design, driver)
 
 
@@ -90,8 +87,6 @@ def test_a_log_gets_the_words_of_the_family(design, outcomes, tmp_path):
     assert np.mean(decided == run.q) > 0.85
 
 
-def test_comparison_and_proof(design):
+def test_comparison(design):
     assert [v.options for v in variants() if v.method == "mode-sliding"] == [{}]
     assert dwell_of(design) == 30
-    with pytest.raises(ToolError, match="no harness is made for family sliding"):
-        prove(FOLDER)

@@ -6,6 +6,7 @@
  * hexadecimal numbers. Compiled with -include <prefix>.h and with the macros
  *     T(name)  <prefix>_name    WRAP(name)  __wrap_<prefix>_name    CALL(name)  __real_<prefix>_name
  *     M(name)  <PREFIX>_name
+ * With -DLAW a tracking law is measured too: <prefix>_track and <prefix>_coast, each with the observer's step in it.
  * With -DON_HOST only the digest is printed, by stdio: what a board must answer, bit for bit.
  */
 #include <stdint.h>
@@ -36,6 +37,14 @@ typedef struct {
     uint32_t most;
 } ticks;
 
+#if defined(LAW)
+typedef T(status) law_call(T(state) *s, T(law) *law, const T(real) *ref, T(in) *in, T(out) *out);
+typedef T(status) blind_call(T(state) *s, T(law) *law, T(in) *in, T(out) *out);
+law_call CALL(track), WRAP(track);
+blind_call CALL(coast), WRAP(coast);
+static ticks track, coast;
+#endif
+
 static ticks empty, step, ordinary, predict, refused;
 static uint32_t digest = 2166136261U, calm, last_ticks, deepest;
 
@@ -55,36 +64,41 @@ static void note(ticks *t)
     t->calls++;
 }
 
-/* Call it, with its ticks in last_ticks and the bytes of stack that it has written in deepest. */
+/*
+ * Body of a function: call it, with its ticks in last_ticks and the bytes of stack that it has written in deepest.
+ */
+#define MEASURED(the_call) \
+    volatile unsigned char *floor_of_caller; \
+    uint32_t depth = SPAN, before, after; \
+    T(status) status; \
+\
+    BOARD_STACK_POINTER(floor_of_caller); \
+    for (uint32_t i = 1U; i <= SPAN; i++) \
+    { \
+        *(floor_of_caller - i) = 0xA5U; \
+    } \
+    before = board_ticks(); \
+    status = (the_call); \
+    after = board_ticks(); \
+    while ((depth > 0U) && (*(floor_of_caller - depth) == 0xA5U)) \
+    { \
+        depth--; \
+    } \
+    deepest = (depth > deepest) ? depth : deepest; \
+    last_ticks = (after - before) & board_ticks_mask; \
+    return status
+
 static __attribute__((noinline)) T(status) measure(call *f, T(state) *s, const T(in) *in, T(out) *out)
 {
-    volatile unsigned char *floor_of_caller;
-    uint32_t depth = SPAN, before, after;
-    T(status) status;
-
-    BOARD_STACK_POINTER(floor_of_caller);
-    for (uint32_t i = 1U; i <= SPAN; i++)
-    {
-        *(floor_of_caller - i) = 0xA5U;
-    }
-    before = board_ticks();
-    status = f(s, in, out);
-    after = board_ticks();
-    while ((depth > 0U) && (*(floor_of_caller - depth) == 0xA5U))
-    {
-        depth--;
-    }
-    deepest = (depth > deepest) ? depth : deepest;
-    last_ticks = (after - before) & board_ticks_mask;
-    return status;
+    MEASURED(f(s, in, out));
 }
 
 /* FNV-1a over the bytes of an answer. */
-static void add_to_digest(const T(out) *out)
+static void add_to_digest(const void *answer, uint32_t size)
 {
-    const unsigned char *byte = (const unsigned char *)out;
+    const unsigned char *byte = (const unsigned char *)answer;
 
-    for (uint32_t i = 0U; i < (uint32_t)sizeof(*out); i++)
+    for (uint32_t i = 0U; i < size; i++)
     {
         digest = (digest ^ byte[i]) * 16777619U;
     }
@@ -112,7 +126,7 @@ T(status) WRAP(step)(T(state) *s, const T(in) *in, T(out) *out)
             note(&ordinary);
         }
         calm = clean ? (calm + 1U) : 0U;
-        add_to_digest(out);
+        add_to_digest(out, (uint32_t)sizeof(*out));
     }
     return status;
 }
@@ -129,7 +143,7 @@ T(status) WRAP(predict)(T(state) *s, const T(in) *in, T(out) *out)
     else
     {
         note(&predict);
-        add_to_digest(out);
+        add_to_digest(out, (uint32_t)sizeof(*out));
     }
     return status;
 }
@@ -139,6 +153,40 @@ void WRAP(reset)(T(state) *s)
     calm = 0U;
     CALL(reset)(s);
 }
+
+#if defined(LAW)
+static __attribute__((noinline)) T(status) measure_track(T(state) *s, T(law) *law, const T(real) *ref, T(in) *in, T(out) *out)
+{
+    MEASURED(CALL(track)(s, law, ref, in, out));
+}
+
+static __attribute__((noinline)) T(status) measure_coast(T(state) *s, T(law) *law, T(in) *in, T(out) *out)
+{
+    MEASURED(CALL(coast)(s, law, in, out));
+}
+
+static T(status) note_law(ticks *kind, T(status) status, const T(law) *law, const T(in) *in, const T(out) *out)
+{
+    note((status == M(OK)) ? kind : &refused);
+    if (status == M(OK))
+    {
+        add_to_digest(law, (uint32_t)sizeof(*law));
+        add_to_digest(in->u, (uint32_t)sizeof(in->u));
+        add_to_digest(out, (uint32_t)sizeof(*out));
+    }
+    return status;
+}
+
+T(status) WRAP(track)(T(state) *s, T(law) *law, const T(real) *ref, T(in) *in, T(out) *out)
+{
+    return note_law(&track, measure_track(s, law, ref, in, out), law, in, out);
+}
+
+T(status) WRAP(coast)(T(state) *s, T(law) *law, T(in) *in, T(out) *out)
+{
+    return note_law(&coast, measure_coast(s, law, in, out), law, in, out);
+}
+#endif
 
 static void print_number(uint32_t value)
 {
@@ -188,6 +236,10 @@ int main(void)
     print_ticks("ordinary", &ordinary);
     print_ticks("predict", &predict);
     print_ticks("refused", &refused);
+#if defined(LAW)
+    print_ticks("track", &track);
+    print_ticks("coast", &coast);
+#endif
     print_name("end\n");
     return 0;
 }

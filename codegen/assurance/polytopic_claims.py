@@ -1,0 +1,190 @@
+"""The claims of a polytopic observer: what each rests on, by how much it holds; those of a law beside it elsewhere."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from flint import fmpq
+
+from ..certify import fault_sets, polytope_bounds, polytope_thresholds
+from ..certify.exact import Q, pivots
+from ..errors import CertificateError
+from ..selection import fault_estimators, polytopic_designs
+from . import tracking_claims
+from .margins import Margin, tightest
+
+GAINS = ("T2", "C", "F", "G", "K")
+#: What leaves its bounds where a fault is found, and the constants behind that.
+SEEN = ("residual", (*GAINS, "M", "h"))
+#: Entries of the plant file beside those of every design.
+PLANT = ("time.kind", "time.sample_period", "nonlinear.E", "nonlinear.f", "nonlinear.A", "nonlinear.B",
+         "nonlinear.premise", "nonlinear.known", "nonlinear.point", "E", "offset", "weight", "signals.theta")
+FAULTS = ("Bf", "Df", "signals.f")
+
+
+def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:
+    """Yield (beginning of the sentence, what makes its claim), in the order in which the certificate states them.
+
+    Parameters
+    ----------
+    design : Design
+    t : PolytopicTables
+    cert : dict
+    build : type
+        ``claims.Claim``.
+    plant : tuple of str
+        Entries of the plant file that all conditions come from.
+    own : tuple of str
+        Checks by exact arithmetic.
+    """
+    own = seen_apart(t, cert, own)
+
+    def claim(id, words, formula, source, code, margins, constants=(*GAINS, "h"), checks=own, of_plant=PLANT):
+        return lambda text: build(id, text, (*plant, *of_plant), words, formula, source, code, constants,
+                                  tuple(margins), checks)
+
+    if t.faults:
+        yield from _estimated(design.plant, t, cert, claim, (*own, "rounding", "validation", "target"))
+        return
+    if t.law is None:
+        yield from _energy(design.plant, t, cert, claim, own)
+    else:
+        yield from tracking_claims.of_loop(design.plant, t, cert, claim, own)
+    yield from _thresholds(design.plant, t, cert, claim, (*own, "rounding", "validation", "target"))
+
+
+def seen_apart(t, cert: dict, checks: tuple) -> tuple:
+    """Checks by exact arithmetic: without the independent one where that does not know such an observer.
+
+    Parameters
+    ----------
+    t : PolytopicTables
+    cert : dict
+    checks : tuple of str
+    """
+    known = not t.faults and np.ndim(cert.get("energy", cert)["T1"]) == 2
+    return checks if known else tuple(name for name in checks if name != "independent")
+
+
+def _energy(plant, t, cert: dict, claim, own: tuple):
+    """Level and contraction of a plain observer."""
+    proof = cert["energy"]
+    found: dict[str, list] = {"level": [], "contraction": []}
+    for kind, where, S in polytopic_designs.inequalities(plant, t, cert):
+        found[kind].append((min(pivots(-S)), where))
+    source = "Lopez-Estrada (2014), Theorems 3.3.1 and C.2.1, corrected, on the recursion of the firmware"
+    yield "H-infinity: from rest the energy of z", claim(
+        "energy", "A quadratic function of plant and error pays for z at every step, for every pair of vertices of "
+        "plant and observer.", "V+ - V + |z|^2 - g |(u, d)|^2 + 2 c' R S' (A_i x + B_i u + Bd_i d) < 0 for every pair "
+        "(i, j), V = e' P1 e + x' E' P2 E x; level^2 >= g", source, "codegen.certify.polytope_gain.check",
+        [tightest("smallest pivot of minus the matrix of a pair", found["level"], strict=True),
+         Margin("square of the claimed level beyond the proved one", Q(cert["level"]) ** 2 - Q(proof["level2"]))],
+        GAINS, own)
+    yield "the error of the estimate shrinks", claim(
+        "decay", "The same quadratic function of the error alone shrinks, at every vertex of the observer.",
+        "N_j' P1 N_j < f^2 P1 for every j", source, "codegen.certify.polytope_gain.check",
+        [tightest("smallest pivot of f^2 P1 - N_j' P1 N_j", found["contraction"], strict=True)], GAINS, own)
+    if cert["limit"] is not None:
+        yield "Euler steps of", claim(
+            "steps", "The sampling period is below the one at which Euler steps of a frozen observer diverge (double "
+            "precision); what is proved of the firmware does not rest on it.", "period < least period at which an "
+            "eigenvalue of I + T N_j leaves the unit circle", "own derivation: the stability limit of explicit Euler",
+            "codegen.selection.descriptors.euler_limit",
+            [Margin("limit of the period beyond it", Q(cert["limit"]) - Q(plant.sample_period), strict=True)], ("F",),
+            ("exact",))
+
+
+def _thresholds(plant, t, cert: dict, claim, checks: tuple):
+    """No false alarm, and the last row, of an observer whose error a set of rows holds."""
+    found: dict[str, list] = {"kept": [], "threshold": [], "last": []}
+    for demand in polytopic_designs.demands(plant, t, cert):
+        demand.require()
+        left = [(Q(a) - Q(b), f"{list(map(int, i))}, {demand.when}") for (i, a), b in zip(
+            np.ndenumerate(demand.given), demand.needed.ravel())]
+        found.setdefault(demand.what, []).extend(left)
+        if demand.when == "in the end":
+            found["last"] += left
+    rests = f"own derivation: {_first(polytope_bounds)}"
+    yield "while no fault acts no |r| exceeds", claim(
+        "no-alarm", "A set |r_i eb| <= b_i of the error is kept for every pair of vertices of plant and observer, "
+        "whatever disturbance, noise, inputs, the plant between samples and rounding do; each threshold holds the "
+        "residual over all of it.", "|r_i N_j - sum lambda_k r_k| |eb| + sum |lambda_k| b_k + |r_i W_ij| 1 <= b_i; "
+        "h >= the same of M r = O eb + V d, from anywhere on, and for ever", rests,
+        "codegen.certify.polytope_thresholds.check", [
+            tightest("bound of the set beyond what a step makes of it", found["kept"]),
+            tightest("threshold beyond the residual", found["threshold"])], (*GAINS, "M", "h"), checks)
+    yield "once settled r_bound is", claim(
+        "settled", "The last row of the table holds for ever: the set is not left. The rows before it are as many as "
+        "the bounds take to come down to those of the set.", "h[last] >= the bound of the residual over the set", rests,
+        "codegen.certify.polytope_thresholds.check", [tightest("last threshold beyond the residual", found["last"])],
+        ("h",), checks)
+
+
+def _estimated(plant, t, cert: dict, claim, checks: tuple):
+    """What is proved of an observer of states and faults."""
+    found: dict[str, list] = {}
+    for c in fault_estimators.conditions(plant, t, cert):
+        c.require()
+        found.setdefault(c.what, []).append((c.left, c.where))
+        if c.what == "threshold" and c.where.endswith("in the end"):
+            found["last"].append((c.left, c.where))
+    rests, code = f"own derivation: {_first(fault_sets)}", "codegen.certify.fault_sets.check"
+    constants = (*GAINS, "known", "h", "weights")
+    yield "r is what the faults do to y", claim(
+        "estimate", "An ellipsoid of the error is kept at every vertex, whatever disturbance, noise, the plant between "
+        "samples, the rounding of weights, known terms and sums do; each bound holds the residual over it, around what "
+        "the faults do to y.", "[share P - N_j' P N_j, -N_j' P W_j; *, D_j - W_j' P W_j] > 0 at every vertex; (h - "
+        "room)^2 >= V c' P^-1 c of every row c, V from anywhere on, and for ever", rests, code,
+        [tightest("smallest pivot of a vertex", found["kept"], strict=True),
+         tightest("square of what a threshold leaves", found["threshold"])], constants, checks,
+        of_plant=(*PLANT, *FAULTS))
+    yield "once settled r_bound is", claim(
+        "settled", "The last level holds for ever, and the level from anywhere comes down to it.",
+        "share V + tau <= V; h[last] as above", rests, code, [tightest("what the last level leaves", found["last"])],
+        ("h",), checks)
+    known = fault_estimators.slow_modes(plant)
+    for name, mode in cert["slow"]:
+        if name not in known:
+            raise CertificateError(f"assurance: {name} do not move together (found), expected a mode of {mode:.4g}.")
+        yield f"{name} move together", claim(
+            "slow-" + name.replace(" ", "-"), "A direction of states and faults that no output sees (double "
+            "precision).",
+            "A_i c = mode E c at every vertex, C c = 0", "own derivation: what no gain moves",
+            "codegen.synthesis.fault_problem.unmoved",
+            [Margin("tolerance beyond the difference to the mode found again",
+                    Q(1e-6 * abs(mode)) - abs(Q(known[name]) - Q(mode)))],
+            ("C",), ("exact",))
+
+
+def ranges(design, t, cert: dict, build: type, checks: tuple):
+    """State where plant and observer start."""
+    plant = fault_estimators.with_faults(design.plant) if t.faults else design.plant
+    checks = seen_apart(t, cert, checks)
+    if t.faults:
+        started = [(c.left, c.where) for c in fault_estimators.conditions(design.plant, t, cert) if c.what == "start"]
+    else:
+        started = [(Q(a) - Q(b), d.when) for d in polytopic_designs.demands(design.plant, t, cert) if d.what == "start"
+                   for a, b in zip(d.given.ravel(), d.needed.ravel())]
+    inside = [(x, f"{name}[{i}]") for name in ("z0", "z_mid") for i, z in enumerate(getattr(t, name))
+              for x in (Q(z) - Q(t.z_lo[i]), Q(t.z_hi[i]) - Q(z))]
+    boxes: list[tuple[fmpq, str]] = []
+    lo, hi = plant.limits("x")
+    for i in range(len(lo)):
+        boxes += [(Q(plant.x0_lo[i]) - Q(lo[i]), f"state {i}"), (Q(hi[i]) - Q(plant.x0_hi[i]), f"state {i}")]
+    return build("ranges", "the rows of thresholds that init and reset begin with hold for the boxes that the plant "
+                 "file declares", ("signals.x", "initial.x_lo", "initial.x_hi"),
+                 "Init takes a row whose bounds hold its box, reset the first one; z starts within its limits.",
+                 "|r_i| |T1 E x0 - z0| <= bounds of the row of init; z_lo <= z0, z_mid <= z_hi",
+                 f"own derivation: {_first(fault_sets if t.faults else polytope_thresholds)}",
+                 "codegen.certify.fault_sets.check" if t.faults else "codegen.certify.polytope_thresholds.check",
+                 ("z0", "z_mid", "z", "h"), (
+                     tightest("bounds that init takes beyond those of the initial box", started),
+                     tightest("room of the start of z within its limits", inside),
+                     tightest("declared range beyond the initial box", boxes)), checks)
+
+
+def _first(module) -> str:
+    """The first line of a docstring."""
+    return (inspect.getdoc(module) or "").splitlines()[0]

@@ -1,0 +1,104 @@
+"""Banks of observers, checked again: every member, the confidence of the thresholds, who is blamed, the C.
+
+Standard library only, nothing of residua imported; exact fractions. ``independent_member.py`` proves gain, sensitivity,
+start and limits of each observer. Thresholds come from simulated runs, which this checker does not repeat: what it
+checks is that they are no lower than the levels of the record, and what order statistics say of so many runs.
+"""
+
+import re
+import sys
+from decimal import Decimal
+from fractions import Fraction as F  # noqa: N817 - on every line
+from math import comb
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).parent))
+from independent import demand, exact  # noqa: E402 - stands beside this file
+from independent_member import Member, largest  # noqa: E402
+from independent_source import TABLE, flat, functions, numbers  # noqa: E402
+from independent_vertices import read_plant  # noqa: E402
+
+
+def check_calibration(t, cert):
+    """Thresholds above the levels of the campaign, and the chance that so many runs say so."""
+    c, count = cert["calibration"], len(t["members"])
+    p, runs = F(c["probability"]), c["runs"]
+    demand(all(a <= b for a, b in zip(c["levels"], t["bound"], strict=True)), "a threshold below the largest level")
+    demand(0 < p < 1 and runs >= count, "runs of the campaign")
+    missed = sum(comb(runs, i) * p ** i * (1 - p) ** (runs - i) for i in range(count))
+    demand(F(c["confidence"]) <= 1 - missed, "confidence of the thresholds")
+
+
+def check_words(plant, t, cert, claims):
+    """The sizes that are called isolable, and the figures of the sentences."""
+    sizes = largest(plant["f"])
+    found = [c for c in claims if c.startswith("constant faults of at least this size")]
+    demand(len(found) == 1, "sentence on the sizes of faults")
+    for k, name in enumerate(plant["names"]):
+        said = re.search(rf"{re.escape(name)} (\d[\d.]*)", found[0].partition(": ")[2])
+        demand(said, f"size of {name}")
+        size = F(Decimal(said[1])) / sizes[k]
+        for p, (bound, m) in enumerate(zip(t["bound"], cert["members"])):
+            demand(p == k or (size * F(m["beta"])) ** 2 >= 4 * F(bound), f"{name} of {said[1]} is not isolated")
+    c = cert["calibration"]
+    for words in (f"{t['settle']} samples after a start", f"of {c['runs']} fault-free runs",
+                  f"probability {c['probability']:g} at most, confidence {c['confidence']:.4g}"):
+        demand(any(words in claim for claim in claims), f"no claim says: {words}")
+
+
+def check_source(text, header, t, prefix):
+    """Each member reads its outputs and holds its numbers; tables, starts, counts and patterns are the design's."""
+    real, text = t["real"], re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+    count, n = len(t["members"]), len(t["x_lo"])
+    for k, m in enumerate(t["members"]):
+        body = functions(text, prefix, f"without_{k}")
+        demand(sorted({int(i) for i in re.findall(r"in->y\[(\d+)\]", body)}) == sorted(
+            i for j, i in enumerate(m["seen"]) if any(row[j] for row in m["T2"]) or any(m["C"][j])), f"y of member {k}")
+        demand({int(i) // n for i in re.findall(r"s->z\[(\d+)\]", body)} == {k}, f"states of member {k}")
+        mine = {abs(x) for key in ("T2", "C", "F", "G", "K", "M") for x in flat(m[key])} | {F(t["rate"])}
+        here = {abs(x) for x in numbers(body, real)}
+        demand(here <= mine | {F(0), F(1)} and mine - {F(0), F(1)} <= here, f"numbers of member {k}")
+    known = {"bound": t["bound"], "limit": t["limit"], "most": t["most"]}
+    bodies = [numbers(body, real) for body in re.findall(TABLE, text, re.S) if numbers(body, real)]
+    demand(sorted(bodies) == sorted(flat(v) for v in known.values()), "tables of thresholds and limits")
+    weights = {abs(F(x)) for x in t["weights"]["constants"]}
+    demand({abs(x) for x in numbers(functions(text, prefix, "weights"), real)} - {F(0)} == weights - {F(0)}, "weights")
+    anew = functions(text, prefix, "anew")
+    for name, values in (("z", sum((m["z0"] for m in t["members"]), [])), ("a", [0.0] * len(t["most"]))):
+        found = [numbers(x, real)[0] for x in re.findall(rf"s->{name}\[\d+\] = (.*?);", anew)]
+        demand(found == exact(values), f"where {name} begins")
+    for function, name in (("anew", "settle"), ("init", "begin")):
+        found = re.findall(r"s->wait = (\d+)U;", functions(text, prefix, function))
+        demand(found == [str(t[name])], f"wait of {function}")
+    demand(re.findall(r"s->left\[i\] = (\d+)U;", text) == [str(t["keep"])], "samples that an alarm holds")
+    whole = 2 ** count - 1
+    patterns = re.search(r"pattern\[\w+\] = \{(.*?)\}", text)
+    demand(patterns and [int(x, 16) for x in re.findall(r"0x[0-9A-F]+", patterns[1])] == [
+        whole ^ 1 << k for k in range(count)], "pattern of a fault")
+    bounds = numbers(functions(text, prefix, "[uy]_accepted"), real)
+    demand(sorted(bounds) == sorted(flat([t[k] for k in ("u_lo", "u_hi", "y_lo", "y_hi")])), "ranges that are accepted")
+    rest = functions(text, prefix, r"(?!without|weights|anew|outside|sound|[uy]_accepted)\w+")
+    demand(not set(numbers(rest, real)) - {F(0)}, "the C holds a number that no table does")
+    demand(re.findall(r"#define \w+_NF (\d+)U", header) == [str(count)], "macro NF")
+
+
+def main(folder, design, record):
+    """Check a folder of a bank."""
+    plant = read_plant(design["plant"]["toml"])
+    for real, t in design["tables"].items():
+        cert, at, n = design["certificate"][real], 0, len(t["x_lo"])
+        demand(len(t["members"]) == len(cert["members"]) == len(plant["f"]), "a member for every fault")
+        for k, stored in enumerate(cert["members"]):
+            m = Member(plant, t, k, stored)
+            m.level()
+            m.fault()
+            m.starts()
+            m.limits(exact(t["limit"][k * n:(k + 1) * n]), exact(t["most"][at:at + len(m.M)]))
+            at += len(m.M)
+        check_calibration(t, cert)
+        check_words(plant, t, cert, design["proved"][real])
+        print(f"proved for {real}: gains, sensitivity, starts, limits of {len(t['members'])} observers; confidence of "
+              "the thresholds, not the runs behind them")
+    text, header = ((folder / f"{record['prefix']}.{end}").read_text() for end in "ch")
+    check_source(text, header, design["tables"][record["real"]], record["prefix"])
+    print(f"the constants of {record['prefix']}.c are those of the {record['real']} tables")

@@ -1,0 +1,226 @@
+"""The error of a polytopic observer pair of vertices by pair; ``independent_polytopic.py`` rests on it.
+
+Standard library only, nothing of residua imported; exact fractions. With eb = T1 E x - z for the plant at vertex i and
+the observer at vertex j, whatever T1 is, R = I - T1 E - T2 C,
+
+    x_hat = (I - R) x - eb + T2 Dd d,    r = y - C_o x_hat,    eb+ = T1 (E x+) - F_j x_hat - G_j u + K_j r
+
+where E x+ = A_i x + B_i u + Bd_i d, of a continuous plant E x + T (A_i x + ..) with the mean of the change of x since
+the sample added. That mean is at most half a period of the largest E x', and what the algebraic equations make of it.
+"""
+
+import sys
+from fractions import Fraction as F  # noqa: N817 - on every line
+from itertools import product
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).parent))
+from independent import UNIT, exact, mul, rounding, sub  # noqa: E402 - stands beside this file
+from independent_filter import up  # noqa: E402
+
+TURNS = 30
+
+
+def unit(n):
+    """Identity."""
+    return [[F(i == j) for j in range(n)] for i in range(n)]
+
+
+def add(*parts):
+    """Sum of matrices."""
+    return [[sum(e, F(0)) for e in zip(*rows)] for rows in zip(*parts)]
+
+
+def scaled(c, A):
+    """Matrix times a number."""
+    return [[c * a for a in row] for row in A]
+
+
+def beside(*parts):
+    """Matrices side by side."""
+    return [sum(rows, []) for rows in zip(*parts)]
+
+
+def transposed(A):
+    """Column after column."""
+    return [list(c) for c in zip(*A)]
+
+
+def reach(row, box):
+    """Largest magnitude of a row over a box of (middle, half width)."""
+    middle = sum((a * m for a, (m, _) in zip(row, box)), F(0))
+    return abs(middle) + sum((abs(a) * h for a, (_, h) in zip(row, box)), F(0))
+
+
+def above(x):
+    """The fraction of a float that is not below."""
+    return F(up(x)) if x > 0 else x
+
+
+def kernel(E):
+    """Columns S with E' S = 0; empty rows where there are none."""
+    rows, n, pivots = transposed(E), len(E), []
+    for c in range(n):
+        k = len(pivots)
+        best = next((i for i in range(k, len(rows)) if rows[i][c]), None)
+        if best is None:
+            continue
+        rows[k], rows[best] = rows[best], rows[k]
+        rows[k] = [a / rows[k][c] for a in rows[k]]
+        rows = [row if i == k else [a - row[c] * b for a, b in zip(row, rows[k])] for i, row in enumerate(rows)]
+        pivots.append(c)
+    free = [c for c in range(n) if c not in pivots]
+    S = [[F(int(i == c)) for c in free] for i in range(n)]
+    for row, c in zip(rows, pivots):
+        S[c] = [-row[k] for k in free]
+    return S
+
+
+def solved(A, B):
+    """Solution of A X = B by elimination."""
+    rows, n = beside(A, B), len(A)
+    for k in range(n):
+        best = next(i for i in range(k, n) if rows[i][k])
+        rows[k], rows[best] = rows[best], rows[k]
+        rows[k] = [a / rows[k][k] for a in rows[k]]
+        rows = [row if i == k else [a - row[k] * b for a, b in zip(row, rows[k])] for i, row in enumerate(rows)]
+    return [row[n:] for row in rows]
+
+
+def nearest(E, C, S, T1, T2):
+    """The T1 that T2, rounded as it is, leaves least over of T1 E + T2 C = I: its part on algebraic rows is the given.
+
+    Any T1 would do; E K = 0 and T (I - T2 C) K = 0 say which T2 is the next one for which there is an exact one.
+    """
+    n, K = len(E), kernel(transposed(E))
+    if K[0]:
+        seen = mul(C, K)
+        T2 = add(T2, mul(sub(K, mul(T2, seen)), solved(mul(transposed(seen), seen), transposed(seen))))
+    own = []
+    for c in transposed(E):  # columns that span the others
+        own += [] if kernel([*own, c])[0] else [c]
+    left = solved(mul(own, transposed(own)), own)
+    H = mul(left, E)
+    inverse = mul(transposed(H), solved(mul(H, transposed(H)), left))
+    base = mul(sub(unit(n), mul(T2, C)), inverse)
+    if S[0]:
+        onto = mul(S, solved(mul(transposed(S), S), transposed(S)))
+        base = add(base, mul(sub(T1, base), onto))
+    return base
+
+
+class Plant:
+    """Vertices for [w; v], boxes as (middle, half width), and the mean change of x over a period."""
+
+    def __init__(self, p):
+        self.E, self.C, self.T = p["E"], p["C"], p["period"]
+        n, n_w, n_v = len(self.E), len(p["w"]), len(p["v"])
+        self.A, self.B = ([v[k] for v in p["vertices"]] for k in "AB")
+        self.Bd = [beside(v["Bw"], [[F(0)] * n_v for _ in range(n)]) for v in p["vertices"]]
+        self.Dd = [[F(0)] * n_w + row for row in p["Dv"]]
+        self.box = {k: [((a + b) / 2, (b - a) / 2) for a, b in ends] for k, ends in p.items() if k in ("x", "u", "x0")}
+        self.box["d"] = [((a + b) / 2, (b - a) / 2) for a, b in p["w"] + p["v"]]
+        self.size = {k: [max(abs(a), abs(b)) or F(1) for a, b in p[k]] for k in "xuywv"}
+        self.S = kernel(self.E)
+        self.tied = p["tied"]
+        if self.T is not None:
+            self.flow = [[add(scaled(self.T, M), base) if base else scaled(self.T, M) for M in some]
+                         for some, base in ((self.A, self.E), (self.B, None), (self.Bd, None))]
+        else:
+            self.flow = [self.A, self.B, self.Bd]
+
+    def drift(self):
+        """Bounds of the mean of |x(t) - x| over a period."""
+        n, h, St = len(self.E), len(self.A), transposed(self.S)
+        x, u, d = (self.box[k] for k in "xud")
+        speed = [max(reach(a[i], x) + reach(b[i], u) + reach(g[i], d) for a, b, g in zip(self.A, self.B, self.Bd))
+                 for i in range(n)]
+        SA, SB, SD = ([mul(St, M) for M in some] for some in (self.A, self.B, self.Bd))
+        left = [max(reach([a - b for a, b in zip(SA[i][r], SA[k][r])], x)
+                    + reach([a - b for a, b in zip(SB[i][r], SB[k][r])], u) + reach(SD[i][r], d) + reach(SD[k][r], d)
+                    for i, k in product(range(h), repeat=2)) for r in range(len(St))]
+        tall = self.E + scaled(F(1, h), add(*SA)) if St else self.E
+        near = solved(mul(transposed(tall), tall), transposed(tall))
+        near = [[F(float(a)) for a in row] for row in near]
+        right = [self.T / 2 * v for v in speed] + left
+        driven = [sum((abs(a) * b for a, b in zip(row, right)), F(0)) for row in near]
+        loss = [sub(unit(n), mul(near, self.E + M)) for M in SA]
+        loss = [[max(abs(M[i][j]) for M in loss) for j in range(n)] for i in range(n)]
+        change = [2 * half for _, half in x]
+        for _ in range(TURNS):
+            change = [above(min(c, e + sum((a * b for a, b in zip(row, change)), F(0))))
+                      for c, e, row in zip(change, driven, loss)]
+        return change
+
+
+class Errors:
+    """The recursion of eb, pair by pair, on the numbers of the tables."""
+
+    def __init__(self, plant, t, T1):
+        self.plant, self.t, self.real = plant, t, t["real"]
+        self.T2, self.C, self.M = exact(t["T2"]), exact(t["C"]), exact(t["M"])
+        self.T1 = nearest(plant.E, plant.C, plant.S, exact(T1), self.T2)
+        self.F, self.G, self.K = (exact(t[k]) for k in "FGK")
+        self.seen = add(mul(self.T1, plant.E), mul(self.T2, plant.C))  # I - R
+        self.passed = sub(unit(len(self.C)), mul(self.C, self.T2))
+        self.r_x = sub(plant.C, mul(self.C, self.seen))
+        self.r_d = mul(self.passed, plant.Dd)
+        self.N = [add(F_, mul(K, self.C)) for F_, K in zip(self.F, self.K)]
+
+    def terms(self, i, j):
+        """Matrices of x, u and d in eb+."""
+        a, b, g = (mul(self.T1, flow[i]) for flow in self.plant.flow)
+        x = add(a, scaled(-1, mul(self.F[j], self.seen)), mul(self.K[j], self.r_x))
+        d = add(g, scaled(-1, mul(mul(self.F[j], self.T2), self.plant.Dd)), mul(self.K[j], self.r_d))
+        return x, sub(b, self.G[j]), d
+
+    def rounded(self):
+        """Rounding of y, u, x_hat, r, M r and z."""
+        t, real = self.t, self.real
+        (u, tiny), h = UNIT[real], len(self.F)
+        z, y, given = ([max(abs(F(a)), abs(F(b))) for a, b in zip(t[k + "_lo"], t[k + "_hi"])] for k in "zyu")
+        x_hat = [rounding([(F(1), z[i]), *zip(self.T2[i], y)], real) for i in range(len(z))]
+        most = [m for _, m in x_hat]
+        r = [rounding([(F(1), y[i]), *zip(self.C[i], most)], real) for i in range(len(y))]
+        plain = unit(len(y)) == self.M
+        shown = [(F(0), m) for _, m in r] if plain else [rounding(zip(row, [m for _, m in r]), real) for row in self.M]
+        values, off = [*most, *given, *(m for _, m in r)], (8 * h + 4) * 2 * u
+        gains = [beside(*(M[j] for M in (self.F, self.G, self.K))) for j in range(h)]
+        after = []
+        for i in range(len(z)):
+            same = [all(g[i][k] == gains[0][i][k] for g in gains) for k in range(len(values))]
+            own = [rounding([(F(0) if s else c, v) for s, c, v in zip(same, g[i], values)], real) for g in gains]
+            shared = [(c if s else F(0), v) for s, c, v in zip(same, gains[0][i], values)]
+            error, _ = rounding([*shared, *((1 + off, m) for _, m in own)], real)
+            after.append(error + (1 + off) * max(e for e, _ in own) + off * max(m for _, m in own))
+        return ([u * b + tiny for b in y], [u * b + tiny for b in given],
+                *([e for e, _ in some] for some in (x_hat, r, shown)), after)
+
+    def pushes(self):
+        """Per pair of vertices (N, columns of what drives eb+); M r over eb, and what else is in it."""
+        p, n = self.plant, len(self.F[0])
+        y, u, x_hat, r, shown, z = self.rounded()
+        moved = p.drift() if p.T is not None else None
+        if moved is not None:
+            change = [max(sum((abs(a) * m for a, m in zip(mul(self.T1, M)[i], moved)), F(0)) for M in p.A)
+                      for i in range(n)]
+            z = [a + p.T * c for a, c in zip(z, change)]
+        out = []
+        for i, j in product(range(len(p.A)), range(len(self.F))):
+            columns = [[F(0)] * n]
+            for M, box in zip(self.terms(i, j), (p.box["x"], p.box["u"], p.box["d"])):
+                columns[0] = [a + sum((b * m for b, (m, _) in zip(row, box)), F(0)) for a, row in zip(columns[0], M)]
+                columns += [[row[k] * half for row in M] for k, (_, half) in enumerate(box)]
+            of_y = sub(mul(self.F[j], self.T2), mul(self.K[j], self.passed))
+            for M, sizes in ((of_y, y), (self.G[j], u), (self.N[j], x_hat), (self.K[j], r), (unit(n), z)):
+                columns += [[row[k] * size for row in M] for k, size in enumerate(sizes)]
+            out.append((self.N[j], transposed(columns)))
+        seen, room = mul(self.M, self.C), []
+        parts = [(mul(self.M, self.r_x), p.box["x"]), (mul(self.M, self.r_d), p.box["d"])]
+        for k, row in enumerate(self.M):
+            mid = sum((a * m for M, box in parts for a, (m, _) in zip(M[k], box)), F(0))
+            far = sum((abs(a) * half for M, box in parts for a, (_, half) in zip(M[k], box)), F(0))
+            errors = ((mul([row], self.passed)[0], y), (seen[k], x_hat), (row, r))
+            lost = sum((abs(a) * e for some, es in errors for a, e in zip(some, es)), F(0))
+            room.append(abs(mid) + far + shown[k] + lost)
+        return out, seen, room

@@ -1,0 +1,137 @@
+"""Polytopic observers, checked again: thresholds with rounding, energy gain and contraction, the constants of the C.
+
+Standard library only, nothing of residua imported; exact fractions. For the recursion of ``independent_pairs.py`` a set
+|r_k eb| <= b_k is kept where each r_k N_j is a combination of the rows, given by the certificate, plus a rest that
+counts by magnitude; every row of the table must hold M r from there. A quadratic function of eb and x pays for the
+energy of the error at every pair of vertices. The claims of a law beside the observer are not looked at, nor observers
+that estimate faults (status 2).
+"""
+
+import sys
+from fractions import Fraction as F  # noqa: N817 - on every line
+from itertools import product
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).parent))
+from independent import UNIT, demand, exact, mul, positive, sub  # noqa: E402 - stands beside this file
+from independent_blend import check_source, check_weights  # noqa: E402
+from independent_filter import EPS, combined, up  # noqa: E402
+from independent_pairs import Errors, Plant, add, beside, scaled, transposed, unit  # noqa: E402
+from independent_sector import read_plant, unknown  # noqa: E402
+
+
+def check_thresholds(errors, p, cert):
+    """All rows of the table, and the bounds that init and a restart begin with."""
+    t, plant, h = errors.t, errors.plant, errors.t["h"]
+    rows, b, n = exact(cert["rows"]), [float(x) for x in cert["bounds"][0]], len(errors.F[0])
+    demand(rows[:n] == unit(n) and len(b) == len(rows) and min(b) >= 0, "the unit rows, bounds")
+    pushes, seen, room = errors.pushes()
+    maps, shown, held = [], [], exact(b)
+    demand(len(cert["carry"]) == len(cert["out"]) == len(pushes), "combinations of every pair")
+    for (N, W), carry, out in zip(pushes, cert["carry"], cert["out"]):
+        G, o = combined(rows, mul(rows, N), carry), [sum(map(abs, row), F(0)) for row in mul(rows, W)]
+        for k, row in enumerate(G):
+            demand(sum((a * c for a, c in zip(row, held)), o[k]) <= held[k], f"row {k} of the set is not kept")
+        maps.append(([[up(a) for a in row] for row in G], [up(x) for x in o]))
+        shown.append([[up(a) for a in row] for row in combined(rows, seen, out)])
+    room, wide = [up(x) for x in room], 1 + (len(rows) + 8) * EPS
+
+    def times(A, v, c):
+        return [(sum([a * x for a, x in zip(row, v)]) + e) * wide for row, e in zip(A, c)]
+
+    def largest(some):
+        return [max(values) for values in zip(*some)]
+
+    T1E, last, shift = mul(errors.T1, plant.E), len(h) - 1, t["shift"]
+    demand(t["start"] in (0, last) and 0 <= shift < 16, "rows of the table")
+    starts = []
+    for box, lo, hi in ((plant.box["x0"], t["z0"], t["z0"]), (plant.box["x"], t["z_lo"], t["z_hi"])):
+        at = [(F(a) + F(c)) / 2 for a, c in zip(lo, hi)]
+        half = [(F(c) - F(a)) / 2 for a, c in zip(lo, hi)]
+        far = [abs(sum((a * m for a, (m, _) in zip(row, box)), -z)) + sum((abs(a) * s for a, (_, s) in zip(row, box)),
+                                                                          r) for row, z, r in zip(T1E, at, half)]
+        starts.append([up(sum((abs(a) * f for a, f in zip(row, far)), F(0))) for row in rows])
+    first, bounds = starts
+    demand(all(x <= y for x, y in zip(first, b if t["start"] else bounds)), "the initial box is not within its row")
+    demand(all(a >= c and d <= e for (a, d), (c, e) in zip(p["x0"], p["x"])), "the initial box leaves the range")
+    for name in ("z0", "z_mid"):
+        demand(all(a <= z <= c for a, z, c in zip(t["z_lo"], t[name], t["z_hi"])), f"{name} within its limits")
+    for k in range((last << shift) + 1):
+        within = k == last << shift or all(x <= y for x, y in zip(bounds, b))
+        demand(k < last << shift or all(x <= y for x, y in zip(bounds, b)), "the last row comes too early")
+        needed = largest([times(A, b if within else bounds, room) for A in shown])
+        demand(all(x <= y for x, y in zip(needed, h[k >> shift])), f"threshold row {k >> shift}")
+        if not within:
+            bounds = largest([times(A, bounds, c) for A, c in maps])
+
+
+def check_energy(errors, cert, channel):
+    """Level and contraction at every pair of vertices."""
+    plant, proof, n = errors.plant, cert["energy"], len(errors.F[0])
+    level, P1, P2, R = F(proof["level2"]), *(exact(proof[k]) for k in ("P1", "P2", "R"))
+    demand(F(proof["gamma"]) ** 2 >= level >= 0 and cert["level"] == proof["gamma"] >= 0, "the claimed level")
+    demand(all(transposed(P) == P and positive(P) for P in (P1, P2)), "P1, P2 > 0")
+    of_u, of_d = plant.size["u"], plant.size["w"] + plant.size["v"]
+    lost, none = sub(unit(n), errors.seen), [[F(0)] * len(of_u)]
+    if "M" in proof:
+        demand(exact(proof["M"]) == errors.M, "the weight of the residual")
+        z = beside(mul(errors.M, errors.C), mul(errors.M, errors.r_x), none * len(errors.M), mul(errors.M, errors.r_d))
+    else:
+        of_y = [float(a) for a in plant.size["y"]]
+        H = [[F(float(a) / s) for a in row] for row, s in zip(plant.C, of_y)] if channel == "residual" else [
+            [F(1 / float(s)) * (i == j) for j in range(n)] for i, s in enumerate(plant.size["x"])]
+        J = [[F(float(a) / s) for a in row] for row, s in zip(plant.Dd, of_y)] if channel == "residual" else [
+            [F(0)] * len(of_d) for _ in range(n)]
+        z = beside(H, mul(H, lost), none * len(H), sub(J, mul(mul(H, errors.T2), plant.Dd)))
+
+    def in_units(A):
+        return [row[:2 * n] + [a * s for a, s in zip(row[2 * n:], of_u + of_d)] for row in A]
+
+    z, St = in_units(z), transposed(plant.S)
+    before, size = mul(mul(transposed(plant.E), P2), plant.E), 2 * n + len(of_u) + len(of_d)
+    for i, j in product(range(len(plant.A)), range(len(errors.F))):
+        if any((i ^ j) >> k & 1 for k in plant.tied):
+            continue
+        e = in_units(beside(errors.N[j], *errors.terms(i, j)))
+        x = in_units(beside([[F(0)] * n for _ in range(n)], *(flow[i] for flow in plant.flow)))
+        S = add(mul(mul(transposed(e), P1), e), mul(mul(transposed(x), P2), x), mul(transposed(z), z))
+        if St:
+            zero = mul(R, mul(St, x))
+            S = add(S, zero, transposed(zero))
+        for k in range(size):
+            for m in range(n):
+                S[k][m] -= P1[k][m] if k < n else 0
+                S[k][n + m] -= before[k - n][m] if n <= k < 2 * n else 0
+            S[k][k] -= level if k >= 2 * n else 0
+        demand(positive(scaled(-1, S)), f"energy gain, plant at vertex {i}, observer at {j}")
+    for j, N in enumerate(errors.N):
+        S = sub(scaled(F(proof["contraction"]) ** 2, P1), mul(mul(transposed(N), P1), N))
+        demand(proof["contraction"] >= 0 and positive(S), f"contraction at vertex {j}")
+
+
+def main(folder, design, record):
+    """Check a folder of a polytopic observer."""
+    unknown(any("faults" in t for t in design["tables"].values()))
+    p = read_plant(design["plant"]["toml"])
+    plant = Plant(p)
+    for real, t in design["tables"].items():
+        cert = design["certificate"][real]
+        T1 = cert.get("energy", cert)["T1"]
+        unknown(isinstance(T1[0][0], list))
+        check_weights(t, len(p["x"]) + len(p["u"]))
+        for name in "uy":
+            for lo, hi, (a, b) in zip(t[name + "_lo"], t[name + "_hi"], p[name]):
+                room = UNIT[real][0] * max(abs(a), abs(b))
+                demand(abs(F(lo) - a) <= room and abs(F(hi) - b) <= room, f"range of {name}")
+        errors = Errors(plant, t, T1)
+        if "energy" in cert:
+            demand(cert["energy"]["form"] == "standard" and cert["energy"]["time"] == "discrete", "form of the proof")
+            period = cert["energy"].get("period")
+            demand((None if period is None else F(period)) == plant.T, "period")
+            check_energy(errors, cert, design["options"].get("channel", "state"))
+        check_thresholds(errors, p, cert["thresholds"])
+        print(f"proved for {real}: thresholds with rounding" + ", energy gain, contraction" * ("energy" in cert)
+              + "; the law beside it is not checked here" * ("law" in t))
+    text, header = ((folder / f"{record['prefix']}.{end}").read_text() for end in "ch")
+    check_source(text, header, design["tables"][record["real"]], record["prefix"])
+    print(f"the constants of {record['prefix']}.c are those of the {record['real']} tables")

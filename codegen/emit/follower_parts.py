@@ -1,0 +1,174 @@
+"""A point observer that follows a mode estimator, in a view: the estimator's part, and the observer as inner C."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ..observers.point import centred
+from ..observers.supervisor import Supervision
+from . import mode_parts, point_parts
+from .cprint import initialiser, literal
+from .driven_parts import Copy
+from .families import Member, Word, in_fields, state_layout
+from .maps import MapView, Names, Table
+from .mode_parts import ModeView
+from .parts import Cut, Field, Operations, Parts, Size, vector_table
+from .render import render
+
+#: What the observer's calls keep, which are not in the inner C.
+CALLS = ("phase", "run", "hold", "history", "latched", "spare")
+
+
+@dataclass(frozen=True)
+class Struct:
+    """A struct of the inner C."""
+
+    name: str
+    fields: tuple[Field, ...]
+
+
+@dataclass(frozen=True)
+class InnerView:
+    """What ``inner.c.jinja`` and the templates of the sets print; see ``DesignView`` for the names that both have."""
+
+    prefix: str
+    macro: str
+    outer: str
+    zero: str
+    sizes: tuple[Size, ...]
+    structs: tuple[Struct, ...]
+    maps: tuple[MapView, ...]
+    cuts: tuple[Cut, ...]
+    whole_range: tuple[str, ...]
+    sets: tuple[object, ...]
+    skeleton: str = "inner.c.jinja"
+    alone: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class FollowerView(ModeView):
+    """Beside the estimator's: the inner C, what of its state is kept, and what a start needs.
+
+    ``copies`` and ``words`` are vectors and words that are lent to the observer, ``carried`` the vectors that it
+    gives back; ``squares`` (a factor) and ``turn`` have an entry where the set begins with squares, or with half widths
+    in other coordinates.
+    """
+
+    told: str
+    forth: tuple[Table, ...]
+    told_limit: Table
+    range: tuple[Table, ...]
+    middle: str
+    grow: str
+    floor: str
+    squares: tuple[str, ...]
+    turn: tuple[Table, ...]
+    copies: tuple[Copy, ...]
+    carried: tuple[Copy, ...]
+    words: tuple[str, ...]
+
+
+def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts:
+    """Decide what is the follower's own.
+
+    Parameters
+    ----------
+    family : {"follower"}
+    t : FollowerTables
+    s : Supervision
+    names : Names
+    signals : tuple of tuple of Channel
+        x, u, y and no parameters.
+    layout : {"literal", "table", "loop"}
+        Of the range checks and of the observer's maps; the boxes are loops over tables in each.
+
+    Returns
+    -------
+    Parts
+    """
+    m, real, (x, u, y, _) = names.macro, names.real_type, signals
+    own = mode_parts.parts("mode", t, s, names, signals, layout)
+    inner = replace(names, prefix=f"{names.prefix}_told", macro=f"{m}_TOLD", checked=True)
+    told = point_parts.parts(t.set, t.told, Supervision(), inner, signals, layout)
+    shape = next(count for name, count in told.lengths if name == "NSHAPE")
+    sizes = {"x_hat": (f"{m}_NX", len(x)), "u": (f"{m}_NU", len(u)), "y": (f"{m}_NY", len(y)),
+             "shape": (f"{m}_NTOLD", shape)}
+    kept = [f for f in told.state.members if f[1] in sizes]
+    vectors = tuple(Copy(f[1], sizes[f[1]][0]) for f in kept)
+    origin = [f for f in told.state.members if f[0] == "uint32_t" and f[1] not in (*CALLS, "mode")]
+    numbers: list[Member] = [member for member in own.state.members if member[1] in ("box_lo", "box_hi")]
+    numbers += [(real, f"told_{f[1]}", f"[{sizes[f[1]][0]}]", tuple(line.replace(inner.macro, m) for line in f[3]))
+                for f in kept]
+    numbers += [(real, f"told_{side}", f"[{m}_NX]", (f"{end} bounds of x, of the observer",))
+                for side, end in (("lo", "lower"), ("hi", "upper"))]
+    numbers += [member for member in own.state.members if member[1] == "alive"]
+    clear = [f"s->told_{f[1]}[{i}]" for f in kept for i in range(sizes[f[1]][1])]
+    clear += [f"s->told_{side}[{i}]" for side in ("lo", "hi") for i in range(len(x))]
+    words: list[Word] = [("decided", "0U", "mode of the last answer"),
+                         ("followed", f"{m}_MODES", f"mode in which the observer runs; {m}_MODES: none"),
+                         ("measured", "0U", "1: the last sample had its measurement")]
+    words += [(f"told_{f[1]}", f"{m}_MODES", " ".join(f[3]).replace(inner.macro, m)) for f in origin]
+    boxes = next(n for name, n in own.lengths if name == "NSHAPE")
+    state = state_layout(names, s, 1, numbers, 2 * boxes + len(clear), clear, words, extra=len(t.Phi))
+    view = _view(own.sets[0], t, names, vectors, tuple(f[1] for f in origin), shape,
+                 render(f"{t.set}.c.jinja", d=_inner(told, t, inner, names, (x, u, y))).rstrip("\n"))
+    out = (Field(real, "x_hat", f"[{m}_NX]", ("estimate of x at this sample, in out->mode",)), *own.out_fields)
+    return replace(own, noun="boxes and estimate", header="follower.h.jinja",
+                   self_test="harness/test_follower.c.jinja", state=state, out_fields=out,
+                   operations=own.operations + told.operations + _more(t), sets=(view,),
+                   lengths=(*own.lengths, ("NTOLD", shape)))
+
+
+def _inner(told: Parts, t, inner: Names, names: Names, signals: tuple) -> InnerView:
+    """Collect what the inner C prints of the observer."""
+    m, u = inner.macro, signals[1]
+    sizes = [Size(name, f"{names.macro}_{name}", note) for name, note in (
+        ("NX", "states"), *(("NU", "inputs") for _ in u[:1]), ("NY", "outputs"), ("MODES", "modes"))]
+    sizes += [Size(f"BIT_{bit.macro}", bit.value, bit.text) for bit in told.bits if bit.macro == "TOGETHER"]
+    members = [Field(*f) for f in told.state.members if f[1] not in CALLS]
+    if all(f.name != "mode" for f in members):
+        members.append(Field("uint32_t", "mode", "", ("mode of the last sample",)))
+    given = [Field(*f) for f in in_fields(inner, len(u), 0) if f[1] != "spare"]
+    answers = [f for f in told.out_fields if f.name in ("x_hat", "x_lo", "x_hi", "r", "r_bound")]
+    structs = (Struct("state", _whole(members, t.real)), Struct("in", _whole(given, t.real)),
+               Struct("out", tuple(answers)))
+    return InnerView(inner.prefix, m, names.prefix, literal(0.0, t.real), (*sizes, *told.sets[0].sizes), structs,
+                     told.maps, told.cuts, told.whole_range, told.sets)
+
+
+def _whole(members: list[Field], real: str) -> tuple[Field, ...]:
+    """The members, a word to fill the struct where it needs one at its end."""
+    odd = sum(f.type == "uint32_t" for f in members) % 2 and real == "float64"
+    return (*members, *(Field("uint32_t", "spare", "", ("not read",)),) * bool(odd))
+
+
+def _view(mode: ModeView, t, names: Names, vectors: tuple[Copy, ...], words: tuple[str, ...], shape: int,
+          inner: str) -> FollowerView:
+    """Print the tables that join both."""
+    m, real = names.macro, t.real
+    S = Table("forth", f"[{m}_NX][{m}_NX]", (), tuple(f"{initialiser(row, real)}," for row in t.S_rounded))
+
+    def vector(name, values):
+        return vector_table(name, f"{m}_NX", values, real)
+
+    turned = () if t.by_squares or not getattr(t.told.shape, "turned", False) else (Table(
+        "turn", f"[{m}_NX][{m}_NX]", (), tuple(f"{initialiser(row, real)}," for row in t.told.shape.Z)),)
+    ranges = tuple(vector(name, values) for name, values in (
+        ("least", t.x_lo), ("most", t.x_hi), ("widest", centred(t.told.x_lo, t.told.x_hi, t.dtype)[1])))
+    size = Size("NTOLD", f"{shape}U", "numbers of the error set")
+    return FollowerView(
+        **vars(mode) | {"sizes": (*mode.sizes, size)}, told=inner,
+        forth=(S, vector("xi_room", t.xi_room)), told_limit=vector("told_limit", t.told.box),
+        range=(*ranges, *turned), middle=literal(0.5, real), grow=literal(t.grow, real),
+        floor=literal(t.floor, real), squares=(literal(t.square, real),) * t.by_squares, turn=turned, copies=vectors,
+        carried=tuple(v for v in vectors if v.name in ("x_hat", "shape")), words=words)
+
+
+def _more(t) -> Operations:
+    """Count what joins both in the dearest sample, which starts the observer anew."""
+    (n_modes, n, _, _), ages = t.sizes, t.ages + 1
+    hulls = 2 + n_modes  # in a step, at a start, and in the answer
+    return Operations(multiply=2 * n * n * (1 + hulls * ages) + 4 * n + n * n,
+                      add=2 * n * n * (1 + hulls * ages) + 2 * n * (1 + hulls * ages) + 4 * ages * n + 5 * n + n * n,
+                      compare=n * n * (1 + hulls * ages) + 2 * n * hulls * (ages + 1) + 3 * ages * n + 2 * n * n_modes
+                      + 9 * n)

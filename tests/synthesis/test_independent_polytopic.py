@@ -1,0 +1,188 @@
+"""The independent checker on polytopic observers: it agrees with the certificate, and refuses what is false."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+import sys
+from functools import cache
+
+import pytest
+from helpers.kept import OTHERS, family_of
+from helpers.scripts import prefix_of
+from synthesis.test_independent import CHECKER
+
+FOLDERS = {f.name.partition("_")[0]: f for f in OTHERS if family_of(f) == "polytopic"}
+CHECKED = [name for name in FOLDERS if name != "digester"]
+
+
+@pytest.fixture(scope="module")
+def checker():
+    """The parts of the checker, in this process."""
+    sys.path.insert(0, str(CHECKER.parent))
+    try:
+        yield {name: __import__(f"independent_{name}") for name in ("polytopic", "pairs", "sector", "blend")}
+    finally:
+        sys.path.remove(str(CHECKER.parent))
+
+
+@cache
+def data_of(name):
+    return json.loads((FOLDERS[name] / "design.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def run(checker):
+    """Everything but the C, of one number type; what rests on the plant alone is calculated once."""
+    plants = {}
+
+    def all_of(data, real="float32"):
+        text, t, cert = data["plant"]["toml"], data["tables"][real], data["certificate"][real]
+        if text not in plants:
+            p = checker["sector"].read_plant(text)
+            plants[text] = p, checker["pairs"].Plant(p)
+            moved = plants[text][1].drift()
+            plants[text][1].drift = lambda: moved
+        p, plant = plants[text]
+        checker["blend"].check_weights(t, len(p["x"]) + len(p["u"]))
+        errors = checker["pairs"].Errors(plant, t, cert.get("energy", cert)["T1"])
+        if "energy" in cert:
+            checker["polytopic"].check_energy(errors, cert, "state")
+        checker["polytopic"].check_thresholds(errors, p, cert["thresholds"])
+
+    return all_of
+
+
+@pytest.mark.parametrize("name", CHECKED)
+def test_proves_a_committed_design(name, checker, capsys):
+    folder = FOLDERS[name]
+    checker["polytopic"].main(folder, data_of(name), json.loads((folder / "resources.json").read_text()))
+    said = capsys.readouterr().out
+    assert said.count("thresholds with rounding") == 2 and said.count("energy gain") == 2 * (name == "disc")
+    assert said.count("the law beside it is not checked") == 2 * (name == "quadrotor")
+
+
+def test_says_that_it_does_not_know_observers_of_faults(checker):
+    folder = FOLDERS["digester"]
+    with pytest.raises(SystemExit) as stopped:
+        checker["polytopic"].main(folder, data_of("digester"), json.loads((folder / "resources.json").read_text()))
+    assert stopped.value.code == 2
+
+
+def test_plants_are_those_of_the_project(checker):
+    """Vertices, E and C of all plants that it reads: equations, factors of the file, tables of vertices."""
+    from codegen.plant.load import gallery_folder, load
+    read = 0
+    for path in sorted(gallery_folder().glob("*.toml")):
+        if "[nonlinear]" not in path.read_text() and "[[vertex]]" not in path.read_text():
+            continue
+        polytope = load(path).polytope
+        try:
+            p = checker["sector"].read_plant(path.read_text())
+        except SystemExit as stopped:
+            assert stopped.code == 2 and path.stem in ("bioreactor", "digester", "disc_points"), path.stem
+            continue
+        read += 1
+        assert len(p["vertices"]) == len(polytope.vertices)
+        for own, vertex in zip(p["vertices"], polytope.vertices):
+            for key in ("A", "B", "Bw"):
+                for row, given in zip(own[key], getattr(vertex, key)):
+                    assert [float(a) for a in row] == pytest.approx(given.tolist(), rel=1e-14), (path.stem, key)
+        for key in ("E", "C"):
+            assert [[float(a) for a in row] for row in p[key]] == getattr(polytope, key).tolist()
+    assert read == 4
+
+
+T, C = ("tables", "float32"), ("certificate", "float32")
+FALSE = {
+    "T2": ((*T, "T2", 1, 0), 1.01, ""), "C": ((*T, "C", 0, 0), 1.001, ""), "F": ((*T, "F", 1, 1, 1), 1.01, ""),
+    "G": ((*T, "G", 0, 1, 0), 1.2, ""), "K": ((*T, "K", 0, 2, 0), 1.02, ""), "M": ((*T, "M", 0, 0), 1.1, ""),
+    "first threshold": ((*T, "h", 0, 0), 0.99, "threshold row 0"), "middle": ((*T, "h", 5, 1), 0.99, "threshold row 5"),
+    "last threshold": ((*T, "h", -1, 2), 0.999, "threshold row"), "start": ((*T, "start"), 3, "rows of the table"),
+    "samples per row": ((*T, "shift"), 0, "row"), "limits of z": ((*T, "z_hi", 0), 1.5, "threshold row 0|not kept"),
+    "z0": ((*T, "z0", 1), 1.2, "initial box|within its limits"), "T1": ((*C, "energy", "T1", 0, 2), 1.1, ""),
+    "bounds": ((*C, "thresholds", "bounds", 0, 2), 0.98, "not kept"),
+    "unit rows": ((*C, "thresholds", "rows", 0, 0), 1.5, "unit rows"),
+    "combination": ((*C, "thresholds", "carry", 3, 1, 1, 1), 1.1, "not kept"),
+    "claimed level": ((*C, "level"), 0.999, "claimed level"), "proved level": ((*C, "energy", "level2"), 0.1, ""),
+    "P1": ((*C, "energy", "P1", 0, 0), 0.9, ""), "R": ((*C, "energy", "R", 5, 0), 1.5, "energy gain"),
+    "contraction": ((*C, "energy", "contraction"), 0.99, "contraction at vertex"),
+    "a weight": ((*T, "weights", "constants", 4), 1.01, "between 0 and 1"),
+    "a premise": ((*T, "weights", "constants", 3), 1.01, "between 0 and 1"),
+}
+
+
+def scaled(data, path, factor):
+    """A copy with one number changed: scaled, or a whole number put in its place."""
+    data = copy.deepcopy(data)
+    *way, last = path
+    place = data
+    for key in way:
+        place = place[key]
+    assert place[last] != factor
+    place[last] = factor if isinstance(place[last], int) else place[last] * factor
+    return data
+
+
+@pytest.mark.parametrize("name", FALSE)
+def test_refuses_false_claims(name, run):
+    path, factor, words = FALSE[name]
+    with pytest.raises(SystemExit, match=f"refused: .*(?:{words})"):
+        run(scaled(data_of("disc"), path, factor))
+
+
+@pytest.mark.parametrize("name, old, new, words", [
+    ("disc", "damping = 30.0", "damping = 29.0", "energy gain|not kept"),
+    ("disc", "stiffness = 100.0", "stiffness = 90.0", "energy gain|not kept"),
+    ("disc", 'unit = "m", range = [-0.28, 0.28]', 'unit = "m", range = [-0.5, 0.5]', "energy gain|not kept"),
+    ("quadrotor", 'name = "roll noise", unit = "rad", bounds = [-0.002, 0.002]',
+     'name = "roll noise", unit = "rad", bounds = [-0.003, 0.002]', "not kept"),
+    ("quadrotor", 'name = "yaw gust", unit = "N m", bounds = [-0.001, 0.001]',
+     'name = "yaw gust", unit = "N m", bounds = [-0.0013, 0.001]', "not kept"),
+    ("quadrotor", "sample_period = 0.01 ", "sample_period = 0.011 ", "not kept"),
+    ("quadrotor", "Izz = 1.3e-2", "Izz = 1.5e-2", "not kept|A x . B u"),
+    ("quadrotor", "x_hi = [0.02, ", "x_hi = [0.6, ", "initial box")])
+def test_refuses_another_plant(name, old, new, words, run):
+    data = data_of(name)
+    assert data["plant"]["toml"].count(old) == 1
+    with pytest.raises(SystemExit, match=f"refused: .*(?:{words})"):
+        run(data | {"plant": data["plant"] | {"toml": data["plant"]["toml"].replace(old, new)}})
+
+
+def test_rounding_counts(run):
+    """Thresholds that hold the plant in double precision do not hold what float32 rounds on the way."""
+    data = copy.deepcopy(data_of("quadrotor"))
+    run(data, "float64")
+    data["tables"]["float64"]["real"] = "float32"
+    with pytest.raises(SystemExit, match="refused: "):
+        run(data, "float64")
+
+
+#: What of the C, and what instead.
+CHANGES = {
+    "disc": ((r"(x_hat\[1\] = s->z\[1\] [+-] )\(0\.12", r"\g<1>(0.13"), (r"y\[1\] - x_hat\[2\]", "y[1] + x_hat[2]"),
+             (r"\+ \(h\[1\] \* v\[1\]\)", "+ (h[0] * v[1])"), (r"-\(0\.0010989932F", "(0.0010989932F"),
+             (r"(\{ )([\d.]+F), ([\d.]+F)", r"\1\3, \2"), (r"since = 1408U", "since = 1280U"), (r">> 7U", ">> 6U"),
+             (r">= -2\.0F", ">= -2.5F"), (r"t5 \* 12\.755102F", "t5 * 12.8F"), (r"out->r\[0\] = r\[0\]",
+                                                                                "out->r[0] = r[1]"),
+             (r"(?<=least\[DISC_NX\] = \{\n)( +)-[\d.]+F", r"\1-0.5F"), (r"s->z\[3\] = 0\.0F", "s->z[3] = 1.0F")),
+    "quadrotor": ((r"0\.32269752F \* law->s\[2\]", "0.32269752F * law->s[1]"),
+                  (r"ref\[1\] <= 0\.15F", "ref[1] <= 0.2F"), (r"law->s\[0\] \+ \(0\.01F", "law->s[0] + (0.02F")),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_refuses_another_c(name, checker):
+    folder, data, check = FOLDERS[name], data_of(name), checker["blend"].check_source
+    prefix = prefix_of(folder)
+    text, header = ((folder / f"{prefix}.{end}").read_text() for end in "ch")
+    check(text, header, data["tables"]["float32"], prefix)
+    for pattern, new in CHANGES[name]:
+        other, count = re.subn(pattern, new, text, count=1)
+        assert count == 1 and other != text, pattern
+        with pytest.raises(SystemExit, match="refused: "):
+            check(other, header, data["tables"]["float32"], prefix)
+            pytest.fail(pattern)
+    with pytest.raises(SystemExit, match="refused: macro"):
+        check(text, re.sub(r"(#define \w+_LAST )\d+U", r"\g<1>3U", header), data["tables"]["float32"], prefix)
