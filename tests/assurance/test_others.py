@@ -91,15 +91,12 @@ CHANGED = {
         ("value -= (D[i][j]", "value += (D[i][j]"), ("* valve_size(in->u[j])", "* in->u[j]")),
     "disc_sensors_bank": (
         ("(0.017495178F * r[0])", "(0.017495178F * r[1])"), ("- x_hat[1] - x_hat[3]", "- x_hat[1] + x_hat[3]"),
-        ("(h[1] * v[1])", "(h[0] * v[1])"), ("s->z[2] + in->y[1]", "s->z[2] + in->y[0]"), ("0.04F * (e", "0.05F * (e"),
-        ("0x2U, 0x1U", "0x1U, 0x2U"), ("left[i] = 100U", "left[i] = 1U"), ("s->wait = 431U", "s->wait = 1U"),
-        ("(t0 > 0.0F)", "(t0 > 1.0F)"), ("sound && (i", "(i"),
+        ("s->z[2] + in->y[1]", "s->z[2] + in->y[0]"), ("0.04F * (e", "0.05F * (e"),
+        ("left[i] = 100U", "left[i] = 1U"), ("sound && (i", "(i"),
         ("raised == pattern[i]", "raised != pattern[i]"), ("(-7.476807e-08F)", "7.476807e-08F")),
     "zammali_modes_mode-sliding": (
         ("_SHARE 0.8F", "_SHARE 0.7F"), ("#define ZAMMALI_MODES_SMOOTH 0.5F", ""), ("_TURN 51.3125F", "_TURN 51.3125"),
         ("#define ZAMMALI_MODES_PULL", "#define else\n#define ZAMMALI_MODES_PULL"), ("root = 0.5F *", "root = 0.25F *"),
-        ("result = -limit;", "result = limit;"), ("s->level[q] < s->level[least]", "s->level[q] > s->level[least]"),
-        ("s->armed & failed", "s->armed | failed"),
         ("(most + v_hi[i])", "(most - v_hi[i])"), ("s->age == ZAMMALI_MODES_BLANK", "s->age != ZAMMALI_MODES_BLANK")),
     "parameters": (
         ("(M_0_1 * s->x_lo[1]) - apart_0", "(M_0_1 * s->x_hi[1]) - apart_0"), ("th_0 = s->theta[0]", "th_0 = s->u[0]"),
