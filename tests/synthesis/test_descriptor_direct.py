@@ -47,7 +47,7 @@ def committed():
     return read_design(GENERATED / "disc_contact_descriptor-direct")
 
 
-def samples(name: str, t, count: int = 60):
+def samples(name: str, t, count: int = 40):
     """Plant at random weights, observer at its own: x, u, d, z, weights of both and what the observer answers."""
     p, (problem, _) = plant(name), held(name)
     rng, (h, n, *_) = np.random.default_rng(3), problem.sizes
