@@ -94,7 +94,7 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
         found = filter_detection.thresholds(plant, t, within, calibrated and np.array(calibrated["guaranteed"]))
         return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
     if isinstance(t, PolytopicTables):
-        found = polytopic_detection.thresholds(plant, t, within)
+        found = polytopic_detection.thresholds(plant, t, within, cert.get("calibration"))
         return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
     if isinstance(t, BankTables):
         return [SureFault(f.name, f.unit, tuple([np.inf] * (within + 1))) for f in plant.f]

@@ -109,7 +109,7 @@ def _side_by_side(E: Array, A: Array, B: Array, C: Array, D: Array, t, j: int, u
     return (np.block([[E, zeros], [zeros, np.eye(n)]]), (step, np.vstack([B, held])), (M @ r, M @ direct))
 
 
-def frequency_figure(found: list[tuple[str, Responses]], fault: str) -> Figure:
+def frequency_figure(found: list[tuple[str, Responses]], fault: str, band: tuple[float, float] | None = None) -> Figure:
     """Draw the gains of observers, one panel each: unknown inputs (all vertices as a band) against faults.
 
     Parameters
@@ -118,6 +118,8 @@ def frequency_figure(found: list[tuple[str, Responses]], fault: str) -> Figure:
         Name of the panel and what it shows.
     fault : str
         What the second band is called.
+    band : (float, float), optional
+        Hz up to which a smallest gain is certified, and that gain.
 
     Returns
     -------
@@ -134,6 +136,10 @@ def frequency_figure(found: list[tuple[str, Responses]], fault: str) -> Figure:
                                       linewidth=0)
                     axis.plot(r.frequency, values.T, color=colour, linewidth=0.7)
                     axis.plot([], [], color=colour, label=label)
+            if band is not None:
+                axis.axvspan(r.frequency[0], band[0], color=ALARM, alpha=0.08, linewidth=0)
+                axis.plot([r.frequency[0], band[0]], [band[1]] * 2, color=ALARM, linestyle="--", linewidth=0.9,
+                          label=f"{fault}: certified")
             axis.set(xscale="log", yscale="log", ylabel="gain to the residual", title=name)
             axis.legend(loc="best")
         axes[-1].set_xlabel("frequency (Hz)")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from flint import fmpq
 
-from ..certify import fault_sets, polytope_bounds, polytope_thresholds
+from ..certify import fault_sets, finite_frequency, polytope_bounds, polytope_near, polytope_thresholds
 from ..certify.exact import Q, pivots
 from ..errors import CertificateError
 from ..selection import fault_estimators, polytopic_designs
@@ -64,7 +64,9 @@ def seen_apart(t, cert: dict, checks: tuple) -> tuple:
     cert : dict
     checks : tuple of str
     """
-    known = not t.faults and np.ndim(cert.get("energy", cert)["T1"]) == 2
+    held = cert["thresholds"]
+    known = not t.faults and np.ndim(cert.get("energy", cert)["T1"]) == 2 and not (
+        {"near", "between", "waits"} & set(held) or {"band", "calibration"} & set(cert))
     return checks if known else tuple(name for name in checks if name != "independent")
 
 
@@ -86,6 +88,18 @@ def _energy(plant, t, cert: dict, claim, own: tuple):
         "decay", "The same quadratic function of the error alone shrinks, at every vertex of the observer.",
         "N_j' P1 N_j < f^2 P1 for every j", source, "codegen.certify.polytope_gain.check",
         [tightest("smallest pivot of f^2 P1 - N_j' P1 N_j", found["contraction"], strict=True)], GAINS, own)
+    if "band" in cert:
+        matrices = polytopic_designs.band_inequalities(plant, t, cert)
+        yield "H- up to", claim(
+            "band", "A quadratic function of the error, its change and the fault is positive at every vertex of the "
+            "observer, with one multiplier of the recursion for all of them.",
+            "|M r|^2 - b |f|^2 + d'Q d - w^2 e'Q e - 2 e'P d - T d'P d + 2 (Y (d, e, f))'(d - N_j e - B_j f) > 0; "
+            "beta^2 <= b", f"Iwasaki and Hara (2005), rederived: {_first(finite_frequency)}",
+            "codegen.certify.finite_frequency.check",
+            [tightest("smallest pivot at a vertex", [(min(pivots(S)), where) for where, S in matrices], strict=True),
+             Margin("proved level beyond the square of the claimed one",
+                    Q(cert["band"]["level2"]) - Q(cert["band"]["beta"]) ** 2)], (*GAINS, "M"), own,
+            of_plant=(*PLANT, *FAULTS))
     if cert["limit"] is not None:
         yield "Euler steps of", claim(
             "steps", "The sampling period is below the one at which Euler steps of a frozen observer diverge (double "
@@ -107,14 +121,32 @@ def _thresholds(plant, t, cert: dict, claim, checks: tuple):
         if demand.when == "in the end":
             found["last"] += left
     rests = f"own derivation: {_first(polytope_bounds)}"
+    kept = [tightest("bound of the set beyond what a step makes of it", found["kept"]),
+            tightest("threshold beyond the residual", found["threshold"])]
+    if "calibration" in cert:
+        yield "not proved but calibrated", claim(
+            "calibrated", "The last row is what simulated runs without fault give; the rows of the starts are proved.",
+            "thresholds of the rows before the last >= the residual, or where no set is kept whatever a measurement "
+            "makes of it until a start is forgotten; chance and confidence by order statistics", rests,
+            "codegen.selection.polytopic_calibration.check", kept, (*GAINS, "M", "h"),
+            ("read-back", "validation", "target"))
+        yield "once settled r_bound is", claim(
+            "settled", "The last row of the table holds for ever.", "h[last], from the campaign", rests,
+            "codegen.selection.polytopic_calibration.check", kept[:1], ("h",), ("read-back", "validation", "target"))
+        return
+    near = "near" in cert["thresholds"]
+    pairs = ("plant and observer at every vertex, its weights as far from the plant's as the error allows"
+             if near else "every pair of vertices of plant and observer")
+    apart = (" + min(spread_i, sum_l |r_i sum_v D_lv q_v| (|S_l eb| + room_l) + off spread_i), or of every pair "
+             "(i, j) without that, whichever is smaller") if near else ""
+    constants = (*GAINS, "M", "h", *(("weights",) if near else ()))
     yield "while no fault acts no |r| exceeds", claim(
-        "no-alarm", "A set |r_i eb| <= b_i of the error is kept for every pair of vertices of plant and observer, "
-        "whatever disturbance, noise, inputs, the plant between samples and rounding do; each threshold holds the "
-        "residual over all of it.", "|r_i N_j - sum lambda_k r_k| |eb| + sum |lambda_k| b_k + |r_i W_ij| 1 <= b_i; "
-        "h >= the same of M r = O eb + V d, from anywhere on, and for ever", rests,
-        "codegen.certify.polytope_thresholds.check", [
-            tightest("bound of the set beyond what a step makes of it", found["kept"]),
-            tightest("threshold beyond the residual", found["threshold"])], (*GAINS, "M", "h"), checks)
+        "no-alarm", f"A set |r_i eb| <= b_i of the error is kept for {pairs}, whatever disturbance, noise, inputs, the "
+        "plant between samples and rounding do; each threshold holds the residual over all of it.",
+        f"|r_i N_j - sum lambda_k r_k| |eb| + sum |lambda_k| b_k + |r_i W_ij| 1{apart} <= b_i; "
+        "h >= the same of M r = O eb + V d, from anywhere on, and for ever",
+        f"{rests} {_first(polytope_near)}" if near else rests, "codegen.certify.polytope_thresholds.check", kept,
+        constants, checks)
     yield "once settled r_bound is", claim(
         "settled", "The last row of the table holds for ever: the set is not left. The rows before it are as many as "
         "the bounds take to come down to those of the set.", "h[last] >= the bound of the residual over the set", rests,

@@ -23,7 +23,8 @@ from ..errors import CertificateError
 from .descriptor_error import Solved, solved, step
 from .exact import Q, eye, product, rational, zeros
 from .filter_model import JointMode
-from .polytope_bounds import Ranges, columns, drift, largest, reach
+from .polytope_drift import drift
+from .polytope_ranges import Ranges, columns, largest, reach
 from .polytope_rounding import Rounding, off_one, rounding, sizes
 from .rounding import sum_error
 
@@ -113,15 +114,14 @@ def model(plant, problem, t, period: float | None) -> tuple[tuple[JointMode, ...
     noise = product(M, rational(problem.Dd) * rational(problem.d_unit))
     lost = [product(M, rational(problem.C) - C), np.concatenate([M * slip.y, M * slip.r, eye(len(M)) * slip.weighted],
                                                                 axis=1)]
-    moved = None if period is None else drift(problem, box, period)
+    moved = None if period is None else drift(plant, problem, box, period)
     extents, steps = [], []
     for j in h:
         each = [step(problem, t, known, i, j, period) for i in h]
         fed = product(K[j], rational(problem.Dd) * rational(problem.d_unit))
         left = largest([reach(s.x, box.x) + reach(s.u, box.u) + reach(s.d - fed, box.d) for s in each])
         if moved is not None:
-            change = largest([product(abs(product(known.T1, rational(A))), moved.reshape(-1, 1))[:, 0]
-                              for A in problem.A])
+            change = largest([moved.of(product(known.T1, rational(A))) for A in problem.A])
             left = left + Q(period) * change
         extents.append(columns([(fed, box.d)], [eye(r) * left, K[j] * slip.y, rational(t.G[j])[at] * slip.u,
                                                K[j] * slip.r, eye(r) * slip.z[at]]))

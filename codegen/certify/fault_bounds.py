@@ -23,8 +23,8 @@ from flint import fmpq
 
 from .exact import Q, eye, product, rational, zeros
 from .filter_model import JointMode
-from .polytope_bounds import columns, middle
 from .polytope_error import standard_errors
+from .polytope_ranges import columns, middle
 from .polytope_rounding import rounding
 from .program_error import program_errors
 from .rounding import input_error

@@ -24,7 +24,7 @@ from flint import fmpq
 from ..errors import CertificateError
 from .exact import Q, inverse, leading_failure, pivots, product, rational, up, zeros
 from .fault_bounds import model
-from .polytope_bounds import middle
+from .polytope_ranges import middle
 
 Array = np.ndarray
 #: A column is put together with others where all of it is below this share of what its rows are moved by.

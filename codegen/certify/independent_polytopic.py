@@ -111,13 +111,15 @@ def check_energy(errors, cert, channel):
 
 def main(folder, design, record):
     """Check a folder of a polytopic observer."""
-    unknown(any("faults" in t or "algebraic" in t for t in design["tables"].values()))
+    unknown(design["family"] != "polytopic" or any("faults" in t for t in design["tables"].values()))
     p = read_plant(design["plant"]["toml"])
     plant = Plant(p)
     for real, t in design["tables"].items():
         cert = design["certificate"][real]
         T1 = cert.get("energy", cert)["T1"]
         unknown(isinstance(T1[0][0], list))
+        # Bounds that are tighter than those of every pair here, and thresholds that are no bounds.
+        unknown(bool({"near", "between", "waits"} & set(cert["thresholds"]) or {"band", "calibration"} & set(cert)))
         check_weights(t, len(p["x"]) + len(p["u"]))
         for name in "uy":
             for lo, hi, (a, b) in zip(t[name + "_lo"], t[name + "_hi"], p[name]):

@@ -82,7 +82,8 @@ def fault_model(problem, faults, gains, T1: Array, criterion: str, period: float
         In the units of the plant.
     gains : StandardGains
     T1 : ndarray (h, n, n)
-    criterion : {"all", "slow"}
+    criterion : {"all", "slow", "band"}
+        The last is "all", which steps may have too.
     period : float, optional
         Of Euler steps.
 
@@ -91,7 +92,7 @@ def fault_model(problem, faults, gains, T1: Array, criterion: str, period: float
     CertificateError
         Another criterion.
     """
-    if criterion not in ("all", "slow") or (period is not None and criterion != "slow"):
+    if criterion not in ("all", "slow", "band") or (period is not None and criterion == "all"):
         raise CertificateError(f"certificate: criterion {criterion!r} (found), expected all or slow; slow where Euler "
                                "steps are taken.")
     n, m, n_f = len(problem.E), problem.B.shape[2], faults.Df.shape[1]

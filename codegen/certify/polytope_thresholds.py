@@ -13,10 +13,10 @@ from itertools import product as pairs_of
 import numpy as np
 
 from ..errors import CertificateError
-from . import descriptor_bounds, filter_bounds, polytope_bounds
+from . import descriptor_bounds, filter_bounds, polytope_bounds, polytope_near
 from .exact import Q, rational
 from .filter_bounds import Demand, Graph
-from .polytope_bounds import middle
+from .polytope_ranges import middle
 
 Array = np.ndarray
 
@@ -41,7 +41,7 @@ def graph_of(model) -> Graph:
     return Graph((None,), tuple((0, p, 0) for p in range(len(model))))
 
 
-def model_of(plant, problem, t, T1: Array, period: float | None) -> tuple[tuple, Array]:
+def model_of(plant, problem, t, T1: Array, period: float | None, parts=None) -> tuple[tuple, Array]:
     """The recursion of the error and T1 E, for all pairs of vertices.
 
     Parameters
@@ -52,10 +52,12 @@ def model_of(plant, problem, t, T1: Array, period: float | None) -> tuple[tuple,
     T1 : ndarray (n, n) or (h, n, n)
         Not read where the observer solves the algebraic equations itself.
     period : float or None
+    parts : Parts, optional
+        Of ``polytope_bounds``, where they are at hand.
     """
     if hasattr(t, "algebraic"):
         return descriptor_bounds.model(plant, problem, t, period)
-    return polytope_bounds.model(plant, every_pair(problem), t, T1, period)
+    return polytope_bounds.model(plant, every_pair(problem), t, T1, period, parts)
 
 
 def starts(plant, t, T1E: Array) -> tuple[Array, Array]:
@@ -83,7 +85,8 @@ def demands(plant, problem, t, cert: dict, T1: Array, period: float | None) -> I
     problem : DescriptorProblem
     t : PolytopicTables
     cert : dict
-        See ``filter_bounds.maps``; "bounds" (1, m).
+        See ``filter_bounds.maps``; "bounds" (1, m); "near", see ``polytope_near.maps``: without it the weights of plant
+        and observer are any.
     T1 : ndarray (n, n) or (h, n, n)
     period : float or None
 
@@ -97,9 +100,11 @@ def demands(plant, problem, t, cert: dict, T1: Array, period: float | None) -> I
     CertificateError
         The certificate is of another shape, boxes are not within each other, or bounds do not come down to the last.
     """
-    model, T1E = model_of(plant, problem, t, T1, period)
+    every = every_pair(problem)
+    parts = None if hasattr(t, "algebraic") else polytope_bounds.Parts.of(plant, every, t, T1, period)
+    model, T1E = model_of(plant, problem, t, T1, period, parts)
     graph, rows, b = graph_of(model), np.array(cert["rows"], dtype=float), np.array(cert["bounds"], dtype=float)
-    found = filter_bounds.maps(model, cert, 0)
+    found = _maps(plant, every, t, parts, model, cert)
     if b.shape != (1, len(rows)) or not np.all(b >= 0):
         raise CertificateError(f"certificate: bounds of shape {b.shape} (found), expected one row of {len(rows)} that "
                                "are not negative.")
@@ -116,10 +121,12 @@ def demands(plant, problem, t, cert: dict, T1: Array, period: float | None) -> I
     yield Demand("start", f"initial box against the {'last bounds' if last else 'declared range'}", first,
                  b if last else whole, lambda at, needed: "the initial box is not within the last bounds." if last else
                  "the initial box is not within the declared range.")
-    proved = filter_bounds.table(found, graph, b, whole, t.last << t.shift)
     for k in range(t.last << t.shift):
-        needed = proved[k] if k < len(proved) else found.estimate(graph, b)
-        yield _threshold(needed, t.h[k >> t.shift], f"{k} samples after a start")
+        yield _threshold(found.estimate(graph, whole), t.h[k >> t.shift], f"{k} samples after a start")
+        whole = found.after(graph, whole)
+    if np.any(whole > b):
+        raise CertificateError(f"certificate: after {t.last << t.shift} samples bounds of the error still exceed the "
+                               "last.")
     yield _threshold(found.estimate(graph, b), t.h[t.last], "in the end")
 
 
@@ -138,3 +145,28 @@ def check(plant, problem, t, cert: dict, T1: Array, period: float | None) -> Non
 def _threshold(needed: Array, given: Array, when: str) -> Demand:
     return Demand("threshold", when, needed.max(axis=0), given.astype(float), lambda at, needed: (
         f"residual {at[0]} reaches {needed[at]:.6g} {when}, its threshold is {float(given[at]):.6g}."))
+
+
+def weights_words(polytope, cert: dict) -> str:
+    """What the thresholds take the weights of plant and observer to be.
+
+    Parameters
+    ----------
+    polytope : Polytope
+    cert : dict
+    """
+    if "near" not in cert:
+        return "whatever the weights of plant and observer do"
+    function = ", exp of the target's library being right to a part in 16384" if polytope.softmax else ""
+    return f"with the weights that the model has at the state, and the C at its estimate{function}"
+
+
+def _maps(plant, problem, t, parts, model, cert: dict):
+    """Bounds a sample later: of every pair, or with weights that are near each other where the certificate says so."""
+    if "near" not in cert:
+        return filter_bounds.maps(model, cert, 0)
+    found = None if parts is None else polytope_near.near(plant, problem, t, parts, model)
+    if found is None:
+        raise CertificateError("certificate: the weights have no slopes here (found), expected some: the thresholds "
+                               "rest on them.")
+    return polytope_near.maps(model, found, cert)

@@ -73,6 +73,8 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
     seen = "M (y - C x_hat)" if t.weighted else "y - C x_hat"
     word = "uint32_t"
     estimate, bound = "estimate of x at this sample", "largest magnitude of r without a fault; 0 after predict"
+    if not s.assures:
+        bound = "magnitude of r that is taken for a fault's, calibrated; 0 after predict"
     if t.faults:
         estimate, bound = "estimate of x, then of the faults, at this sample", "r is as near to that; 0 after predict"
         seen += ": what the faults do to y"

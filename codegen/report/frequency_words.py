@@ -47,9 +47,13 @@ def words_of(design, real: str) -> tuple[FrequencyWords, ...]:
          responses(plant, m, m.seen, np.delete(np.arange(plant.n_f), i)))
         for i, (f, m) in enumerate(zip(plant.f, t.members))]
     every = "all faults" if isinstance(t, PolytopicTables) else "the other faults"
-    figure = frequency_figure(found, every)
+    proof = design.certificate[real].get("band")
+    band = None if proof is None else (proof["band"] / (2 * np.pi), proof["beta"])
+    figure = frequency_figure(found, every, band)
     plot = Plot(inline(figure, "frequencies", "Gains to the residual against frequency"), CAPTION)
-    return (FrequencyWords(TEXT + " ".join(sentence(name, r) for name, r in found), (plot,)),)
+    said = "" if band is None else (f" Up to {words.number(band[0], 3)} Hz, shaded, faults of sensors have a certified "
+                                    f"gain of at least {words.at_least(band[1])}.")
+    return (FrequencyWords(TEXT + " ".join(sentence(name, r) for name, r in found) + said, (plot,)),)
 
 
 def sentence(name: str, r: Responses) -> str:

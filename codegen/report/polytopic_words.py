@@ -13,6 +13,8 @@ LIMITS = (
     "That the alarm lasts as long as the fault: it lasts as long as a residual exceeds its bound. Where all have come "
     "back the thresholds restart from the declared ranges, and the estimate goes on.",
     "Which fault it is, where several can act: every fault may move every residual.")
+GUARANTEED = ("guaranteed, not calibrated: the error is followed over every input, disturbance and weight within the "
+              "declared ranges (peak to peak), between samples too, with the rounding of the C")
 
 
 def facts(design, real: str) -> tuple[Fact, ...]:
@@ -44,9 +46,23 @@ def facts(design, real: str) -> tuple[Fact, ...]:
                                          f"{words.number(cert['claimed'], 4)} before rounding and steps")),
             Fact("Steps", steps),
             *solved_facts(design, real),
-            Fact("Threshold", "guaranteed, not calibrated: the error is followed over every input, disturbance and "
-                 "weight within the declared ranges (peak to peak), between samples too, with the rounding of the C"),
+            Fact("Threshold", GUARANTEED if "calibration" not in cert else calibrated(cert["calibration"])),
             *law_facts(design, real))
+
+
+def calibrated(c: dict) -> str:
+    """What is said of thresholds that come from runs.
+
+    Parameters
+    ----------
+    c : dict
+        "calibration" of a certificate.
+    """
+    before = "what no measurement exceeds" if c["guaranteed"] is None else "guaranteed thresholds"
+    return (f"calibrated, not guaranteed: the largest residuals of {words.count(c['runs'], 'simulated run')} "
+            "without fault; a false alarm in a further one has a probability of at most "
+            f"{words.number(c['probability'], 3)}, with {words.number(100 * c['confidence'], 4)} % confidence. Before "
+            f"it has settled nothing is judged below {before}")
 
 
 def solved_facts(design, real: str) -> tuple[Fact, ...]:
@@ -118,8 +134,12 @@ def tables(design, real: str) -> tuple[Table, ...]:
     design : Design
     real : {"float32", "float64"}
     """
-    t, plant = design.observer.tables[real], design.plant
-    reached = design.certificate[real]["thresholds"]["reached"]
+    t, plant, cert = design.observer.tables[real], design.plant, design.certificate[real]
+    if "calibration" in cert:
+        rows = [(s.name, words.quantity(words.number(float(h)), s.unit), words.interval(s.lo, s.hi, s.unit))
+                for s, h in zip(plant.y, t.h[-1])]
+        return (table("Thresholds of the decision", ("residual", "#calibrated", "range of y"), rows, ()),)
+    reached = cert["thresholds"]["reached"]
     rows = [(s.name, words.quantity(words.at_most(float(t.h[-1, i])), s.unit),
              words.quantity(words.number(reached[i]), s.unit), words.interval(s.lo, s.hi, s.unit))
             for i, s in enumerate(plant.y)]

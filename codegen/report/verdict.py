@@ -95,12 +95,13 @@ def purpose(design) -> str:
                 f"reads {outputs}, and names the fault that is to blame, if one of {faults} is.")
     states = words.listed(s.name for s in plant.x)
     if is_polytopic(design, plant.target.real):
+        when = ("only where a residual cannot be explained without a fault" if design.observer.supervision.assures else
+                "where a residual exceeds thresholds that were calibrated by simulation")
         law = design.observer.tables[plant.target.real].law
         steers = "" if law is None else (f"steers {words.listed(plant.y[i].name for i in law.rows)} to references by "
                                          f"{words.listed(s.name for s in plant.u)}, ")
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
-                f"reads {outputs}, {steers}answers with an estimate of {states}, and raises an alarm only where a "
-                "residual cannot be explained without a fault.")
+                f"reads {outputs}, {steers}answers with an estimate of {states}, and raises an alarm {when}.")
     return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it reads "
             f"{outputs}, answers with guaranteed bounds on {states}, and raises an alarm only when the measurements "
             "cannot be explained without a fault.")

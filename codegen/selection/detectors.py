@@ -8,6 +8,7 @@ from math import sqrt
 import numpy as np
 
 from ..algebra.interval import sizes
+from ..certify import finite_frequency
 from ..certify.exact import Q
 from ..certify.polytope_detection import check, fault_model, level_model
 from ..errors import CertificateError, DesignError
@@ -16,6 +17,7 @@ from ..synthesis.descriptor_analysis import continuous_level, discrete_level, se
 from ..synthesis.descriptor_gains import StandardGains, euler_gains, rounded
 from ..synthesis.descriptor_lmi import Bounds
 from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, plain, scaled
+from ..synthesis.finite_frequency import band_level
 from ..synthesis.hminus_hinf import Faults
 from .descriptors import MARGINS, SPARE, shrinking
 
@@ -190,4 +192,48 @@ def _certified(problem, faults, gains, M, T1, about, s) -> CertifiedDetector:
             reason = str(error).removeprefix("certificate: ")
             continue
         return CertifiedDetector(gains, M, gamma, beta, designed, proof, claims)
+    raise CertificateError(f"certificate: {reason}")
+
+
+def certified_band(problem: DescriptorProblem, faults: Faults, gains: StandardGains, M: Array, about: dict,
+                   band: float, s: Scaling) -> dict:
+    """Sensitivity of rounded constants to faults below the end of a band, checked exactly.
+
+    Parameters
+    ----------
+    problem : DescriptorProblem
+        In the units of the plant.
+    faults : Faults
+    gains : StandardGains
+    M : ndarray (p, p)
+    about : dict
+        "T1" and, where steps are taken, "period".
+    band : float
+        rad/s.
+    s : Scaling
+
+    Returns
+    -------
+    proof : dict
+        For ``certify.finite_frequency``.
+
+    Raises
+    ------
+    CertificateError
+        No sensitivity is proved.
+    """
+    period = about.get("period")
+    reason = 'no sensitivity is found over this band. Narrow it, or use criterion = "slow".'
+    errors = finite_frequency.errors_of(problem, faults, gains, np.array(about["T1"]), period)
+    for margin in MARGINS:
+        proof = band_level(errors, M, s, band, period, margin)
+        if proof is None:
+            continue
+        proof["T1"] = about["T1"]
+        try:
+            finite_frequency.check(problem, faults, gains, M, proof)
+        except CertificateError as error:
+            reason = str(error).removeprefix("certificate: ")
+            continue
+        return proof
     raise CertificateError(f"certificate: {reason}")

@@ -70,7 +70,8 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
             failure = error
     progress(f"{name}: certified" + (f", but for one number type: {failure}" if failure else ""))
     tables, certs = ({real: by[real] for real in ("float32", "float64") if real in by} for by in (tables, certs))
-    within, supervision = int(options.get("within", WITHIN)), Supervision.of(plant.target)
+    within, supervision = int(options.get("within", WITHIN)), Supervision.of(
+        plant.target, assures="calibration" not in certs[wanted])
     faults = {real: [{"channel": f.channel, "unit": f.unit, "by_delay": [None if x == float("inf") else x
                                                                          for x in f.by_delay]}
                      for f in surely_detected(plant, tables[real], certs[real], within)] for real in tables}

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..algebra.interval import sizes
-from ..certify import polytope_thresholds
+from ..certify import finite_frequency, polytope_thresholds, polytope_waiting
 from ..certify.exact import Q
 from ..certify.filter_bounds import Demand
 from ..certify.polytope_gain import check as check_energy
@@ -26,10 +26,10 @@ from ..synthesis.descriptor_gains import StandardGains, euler_gains, rounded, st
 from ..synthesis.descriptor_lmi import Bounds
 from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled, scaling_of
 from ..synthesis.hminus_hinf import Faults
-from . import fault_estimators
+from . import fault_estimators, polytopic_calibration
 from .descriptors import DESIGNS, SPARE, euler_limit, problem_and_scaling
 from .descriptors import certified as certified_energy
-from .detectors import faults_of
+from .detectors import certified_band, faults_of
 from .polytopic_tables import frozen, tables_of
 
 Array = np.ndarray
@@ -124,7 +124,8 @@ def propose(plant: Plant, method: str, options: dict) -> Proposal:
     if method == "hminus-hinf":
         faults = faults_of(plant)
         inside = Faults(s.rows[:, None] * faults.Bf, faults.Df / s.outputs[:, None])
-        found = hminus_hinf.design(scaled(problem, s), inside, bounds, options.get("criterion", "all"), free)
+        band = float(options["band"]) / s.time if "band" in options else None
+        found = hminus_hinf.design(scaled(problem, s), inside, bounds, options.get("criterion", "all"), free, band=band)
     else:
         own = {"form": options.get("form", "centred")} if method == "descriptor-error" else {"free": free}
         found = DESIGNS[method].design(scaled(problem, s), bounds, **own)
@@ -207,11 +208,27 @@ def certified(plant: Plant, proposal: Proposal, options: dict, real: str) -> tup
     start |= {} if proposal.period is None else {"period": proposal.period}
     start |= {"M": M.tolist()} if proposal.method == "hminus-hinf" else {}
     gamma, proof, _ = certified_energy(proposal.problem, gains, start, proposal.s)
-    rows = options.get("set_rows")
-    t, held = frozen(plant, proposal.problem, tables_of(plant, gains, M, real), T1, proposal.period,
-                     None if rows is None else int(rows))
-    return t, {"kind": "polytopic", "level": gamma, "claimed": proposal.found.gamma, "energy": proof,
-               "limit": proposal.limit, "thresholds": held, "steady_box": None}
+    rows, bare = options.get("set_rows"), tables_of(plant, gains, M, real)
+    calibrated = options.get("threshold") == "calibrated"
+    try:
+        t, held = frozen(plant, proposal.problem, bare, T1, proposal.period, None if rows is None else int(rows),
+                         options.get("mismatch", "bounded") == "bounded")
+    except DesignError as error:
+        if not calibrated:
+            raise DesignError(f'{error} Or take thresholds from simulated runs: observer.threshold = "calibrated".'
+                              ) from None
+        t = polytopic_calibration.waiting(plant, proposal.problem, bare, proof)
+        held = {"waits": t.last << t.shift}
+    cert = {"kind": "polytopic", "level": gamma, "claimed": proposal.found.gamma, "energy": proof,
+            "limit": proposal.limit, "thresholds": held, "steady_box": None}
+    if proposal.method == "hminus-hinf" and options.get("criterion") == "band":
+        cert["band"] = certified_band(proposal.problem, faults_of(plant), gains, M, start, float(options["band"]),
+                                      proposal.s)
+    if calibrated:
+        t, cert["calibration"] = polytopic_calibration.calibrated(plant, t, held, options)
+        if "waits" in held:
+            polytope_waiting.check(plant, proposal.problem, t, proof)
+    return t, cert
 
 
 def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
@@ -237,9 +254,23 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
                                f"{expected} and {proof['gamma']}. Design again.")
     if not np.array_equal(proof.get("M", t.M), t.M):
         raise CertificateError("certificate: the level is one of another weight of the residual. Design again.")
-    claims = check_energy(problem, t, proof)
-    polytope_thresholds.check(plant, problem, t, cert["thresholds"], np.array(proof.get("T1", [])), expected)
-    return sentences(plant, t, cert, claims)
+    claims, c = check_energy(problem, t, proof), cert.get("calibration")
+    if "band" in cert:
+        if cert["band"]["period"] != expected:
+            raise CertificateError(f"certificate: the band is one by steps of {cert['band']['period']} (found), "
+                                   f"expected {expected}. Design again.")
+        claims += finite_frequency.check(problem, faults_of(plant), t, t.M, cert["band"])
+    if "waits" in cert["thresholds"]:
+        if c is None or c["guaranteed"] is not None:
+            raise CertificateError("certificate: the thresholds rest on nothing. Design again.")
+        polytope_waiting.check(plant, problem, t, proof)
+    else:
+        guaranteed = t if c is None else polytopic_calibration.whole(t, c)
+        if np.any(t.h[-1] > guaranteed.h[-1]):
+            raise CertificateError("certificate: a calibrated threshold is above the guaranteed one.")
+        T1 = np.array(proof.get("T1", []))
+        polytope_thresholds.check(plant, problem, guaranteed, cert["thresholds"], T1, expected)
+    return sentences(plant, t, cert, claims, None if c is None else polytopic_calibration.check(plant, t, c))
 
 
 def inequalities(plant: Plant, t: PolytopicTables, cert: dict) -> Iterator[tuple[str, str, Array]]:
@@ -269,10 +300,28 @@ def demands(plant: Plant, t: PolytopicTables, cert: dict) -> Iterator[Demand]:
     problem = problem_of(plant, plant.options.get("channel", "state") if t.law is None else "state")
     T1 = np.array((cert if t.law is not None else cert["energy"])["T1"])
     period = plant.sample_period if plant.kind == "continuous" else None
-    return polytope_thresholds.demands(plant, problem, t, cert["thresholds"], T1, period)
+    if "waits" in cert["thresholds"]:
+        return polytope_waiting.demands(plant, problem, t, cert["energy"])
+    guaranteed = polytopic_calibration.whole(t, cert["calibration"]) if "calibration" in cert else t
+    return polytope_thresholds.demands(plant, problem, guaranteed, cert["thresholds"], T1, period)
 
 
-def sentences(plant: Plant, t: PolytopicTables, cert: dict, energy: list[str]) -> list[str]:
+def band_inequalities(plant: Plant, t: PolytopicTables, cert: dict) -> list[tuple[str, Array]]:
+    """What must be positive definite for the sensitivity over a band: at which vertex, the exact matrix.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : PolytopicTables
+    cert : dict
+    """
+    problem = problem_of(plant, plant.options.get("channel", "state"))
+    return [(f'observer at "{problem.names[j]}"', S) for j, S in finite_frequency.inequalities(
+        problem, faults_of(plant), t, t.M, cert["band"])]
+
+
+def sentences(plant: Plant, t: PolytopicTables, cert: dict, energy: list[str],
+              instead: list[str] | None = None) -> list[str]:
     """What is proved.
 
     Parameters
@@ -282,6 +331,8 @@ def sentences(plant: Plant, t: PolytopicTables, cert: dict, energy: list[str]) -
     cert : dict
     energy : list of str
         Claims of ``polytope_gain``.
+    instead : list of str, optional
+        What is said of thresholds that are calibrated.
     """
     last = ", ".join(f"{s.name}: {float(h):.4g}" for s, h in zip(plant.y, t.h[-1]))
     between = ("; between samples the plant moves as it likes within its ranges, which the thresholds hold"
@@ -289,9 +340,11 @@ def sentences(plant: Plant, t: PolytopicTables, cert: dict, energy: list[str]) -
     steps = [] if cert["limit"] is None else [
         f"Euler steps of {plant.sample_period:g} s: those of this observer decay below {cert['limit']:.4g} s with "
         "weights that stand still; at this period the recursion itself is certified, for weights that move"]
+    if instead is not None:
+        return [*energy, *steps, *instead, f"once settled r_bound is {last}"]
     return [*energy, *steps,
-            "while no fault acts no |r| exceeds its r_bound at any sample, so there is no false alarm, whatever the "
-            f"weights of plant and observer do, rounding included ({t.real}, with or without fused multiply-add)"
-            + between,
+            "while no fault acts no |r| exceeds its r_bound at any sample, so there is no false alarm, "
+            f"{polytope_thresholds.weights_words(plant.polytope, cert['thresholds'])}, rounding included ({t.real}, "
+            "with or without fused multiply-add)" + between,
             f"once settled r_bound is {last}; it comes down to that within {t.last << t.shift} samples from anywhere "
             "in the declared range of x"]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..certify import descriptor_bounds, filter_bounds, polytope_thresholds
+from ..certify import descriptor_bounds, filter_bounds, polytope_bounds, polytope_near, polytope_thresholds
 from ..certify.exact import Q, down, rational, up
 from ..errors import CertificateError, DesignError, EmitError
 from ..observers import DescriptorTables, PolytopicTables
@@ -14,6 +14,7 @@ from ..plant.model import Plant
 from ..plant.weight_program import weight_program
 from ..synthesis.descriptor_gains import StandardGains
 from .filter_tables import ABOVE, LENGTH, RAISED, Chooser, above, grouped
+from .polytopic_near import NearChooser, lower
 
 Array = np.ndarray
 #: Rows of the set at most, without ``observer.set_rows``: more where so few keep none. Samples in which thresholds may
@@ -89,7 +90,7 @@ def limited(plant: Plant, t: PolytopicTables, T1E: Array, room: Array) -> Polyto
 
 
 def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float | None,
-           most: int | None = None) -> tuple[PolytopicTables, dict]:
+           most: int | None = None, near: bool = True) -> tuple[PolytopicTables, dict]:
     """Tables with thresholds and their proof, checked.
 
     Parameters
@@ -103,6 +104,8 @@ def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float |
         Of a continuous plant.
     most : int, optional
         Rows of the set.
+    near : bool
+        Whether it may rest on weights that are no further apart than the error allows.
 
     Returns
     -------
@@ -121,11 +124,13 @@ def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float |
     if moving:
         raise DesignError(f"{plant.name}: the input {moving[0]} moves between samples (found), expected inputs that "
                           "are held: what it does there has no bound here. Remove its rate.")
+    every = polytope_thresholds.every_pair(problem)
     n, far, rows, solves = len(problem.E), np.zeros(len(problem.E)), None, isinstance(t, DescriptorTables)
     first = np.eye(n) if solves else np.reshape(T1, (-1, n, n))[0] @ problem.E
     for _ in range(2):  # the limits of z tell the rounding, which tells the set, which tells the limits
         t = limited(plant, t, first, BEYOND * far)
-        model, T1E = polytope_thresholds.model_of(plant, problem, t, T1, period)
+        parts = None if solves else polytope_bounds.Parts.of(plant, every, t, T1, period)
+        model, T1E = polytope_thresholds.model_of(plant, problem, t, T1, period, parts)
         chooser = Chooser(model, polytope_thresholds.graph_of(model), 0)
         low = chooser.reached(np.concatenate(chooser.O))
         for count in ROWS if most is None else (most,):
@@ -136,9 +141,16 @@ def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float |
         else:
             raise DesignError(f"{plant.name}: no set of the error is kept for all weights (found none), so there is no "
                               "threshold. Ask for a faster decay or other gains, or raise observer.set_rows.")
+        start = polytope_thresholds.starts(plant, t, T1E)
+        if near and not solves and (found := polytope_near.near(plant, every, t, parts, model)) is not None:
+            own = NearChooser(chooser, model, found)
+            kept, low = lower(chooser.graph, (kept, low), (own.kept(len(rows), own.reached(), rows, start[1]),
+                                                           own.reached()))
         size = kept[2][0, :len(T1E)]
         far = descriptor_bounds.room(plant, problem, t, size) if solves else size
-    t, cert = _laid_out(plant, t, chooser, *kept, polytope_thresholds.starts(plant, t, T1E))
+    t, cert = _laid_out(plant, t, chooser, *kept, start)
+    if period is not None:
+        cert["between"] = "joint"  # how ``polytope_drift`` bounds the plant between samples
     cert["reached"] = low.reshape(-1, len(t.M)).max(axis=0).tolist()
     polytope_thresholds.check(plant, problem, t, cert, T1, period)
     return t, cert

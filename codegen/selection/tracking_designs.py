@@ -200,7 +200,7 @@ def certified(plant: Plant, proposal: Proposal, options: dict, real: str) -> tup
     proposal.storage.update(proof)
     rows = options.get("set_rows")
     t, held = frozen(plant, problem_of(plant), replace(t, law=_typed(law, real)), T1, plant.sample_period,
-                     None if rows is None else int(rows))
+                     None if rows is None else int(rows), options.get("mismatch", "bounded") == "bounded")
     reached = _ranges(plant, found, t, vertices)  # with the limit that it has now
     return t, {"kind": "polytopic", "level": proof["level"]["gamma"], "claimed": proof["level"]["gamma"],
                "loop": proof, "T1": T1.tolist(), "limit": None, "thresholds": held, "steady_box": None,
@@ -308,7 +308,7 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
                                    "again.")
     polytope_thresholds.check(plant, problem_of(plant), t, cert["thresholds"], np.array(cert["T1"]),
                               plant.sample_period)
-    return _sentences(plant, t, proof, reached, vertices)
+    return _sentences(plant, t, proof, reached, vertices, cert["thresholds"])
 
 
 def _ranges(plant, found, t, vertices) -> dict[str, Array]:
@@ -335,7 +335,7 @@ def bounded(plant: Plant, t: PolytopicTables, vertices: SampledVertices, reached
     return reached, sizes_of(plant, t), inner, vertices.speed, plant.sample_period, names
 
 
-def _sentences(plant, t, proof, reached, vertices) -> list[str]:
+def _sentences(plant, t, proof, reached, vertices, held) -> list[str]:
     law, T = t.law, plant.sample_period
 
     def listed(values, names):
@@ -356,8 +356,8 @@ def _sentences(plant, t, proof, reached, vertices) -> list[str]:
         f"sampling: the second-order vertices miss the continuous plant by at most {missed} per sample, which these "
         "ranges include",
         "while no fault acts no |r| exceeds its r_bound at any sample, so there is no false alarm, for any input in "
-        f"its range, whatever the weights of plant and observer do, rounding included ({t.real}); between samples the "
-        "plant moves as it likes within its ranges",
+        f"its range, {polytope_thresholds.weights_words(plant.polytope, held)}, rounding included ({t.real}); between "
+        "samples the plant moves as it likes within its ranges",
         f"once settled r_bound is {listed(t.h[-1], plant.y)}; it comes down to that within {t.last << t.shift} samples "
         "from anywhere in the declared range of x"]
 

@@ -28,13 +28,13 @@ import numpy as np
 from ..errors import DesignError
 from . import descriptor_problem
 from .descriptor_lmi import MARGIN, Bounds, DescriptorDesign, Storage, euler, he, minus, negative, solve
-from .descriptor_problem import DescriptorProblem, factors, visible
+from .descriptor_problem import CALIBRATED, DescriptorProblem, factors, visible
 from .descriptor_uncertain import INVISIBLE, hints
 
 Array = np.ndarray
 #: Options of ``[observer]``: as those of ``descriptor_uncertain``, and the form of the condition.
 OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "channel": ("state", "residual"), "form": ("centred", "printed"),
-           "set_rows": (4, 400), "within": (0, 50)}
+           "set_rows": (4, 400), "within": (0, 50), "mismatch": ("bounded", "any"), **CALIBRATED}
 FORMS = ("centred", "printed")
 
 

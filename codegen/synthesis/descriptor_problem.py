@@ -20,6 +20,9 @@ from ..algebra.pencil import finite_eigenvalues, rank
 
 Array = np.ndarray
 TOLERANCE = 1e-9
+#: Options of thresholds that come from simulated runs.
+CALIBRATED = {"threshold": ("guaranteed", "calibrated"), "false_alarm": (0.0, 1.0), "confidence": (0.0, 1.0),
+              "campaign_steps": (10, 100000), "rank": (1, 100)}
 
 
 @dataclass(frozen=True)

@@ -33,13 +33,13 @@ import numpy as np
 from ..errors import DesignError
 from . import descriptor_problem
 from .descriptor_lmi import MARGIN, Bounds, DescriptorDesign, Storage, euler, he, minus, negative, solve
-from .descriptor_problem import DescriptorProblem, factors, visible
+from .descriptor_problem import CALIBRATED, DescriptorProblem, factors, visible
 
 Array = np.ndarray
 #: Options of ``[observer]``: decay rate (1/s), bound of the gains in the units of the design, what the level is of,
 #: whether T1 and T2 are chosen or of least norm, rows of the set behind the thresholds, delay of sure alarms.
 OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "channel": ("state", "residual"), "factors": ("free", "least"),
-           "set_rows": (4, 400), "within": (0, 50)}
+           "set_rows": (4, 400), "within": (0, 50), "mismatch": ("bounded", "any"), **CALIBRATED}
 INVISIBLE = ("rank [E; C] is less than the number of states: no T1, T2 with T1 E + T2 C = I exist, an algebraic state "
              "is not seen by the outputs. Measure it, or use descriptor-direct.")
 

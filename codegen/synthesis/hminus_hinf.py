@@ -15,6 +15,9 @@ S' (A_i x + ..) = 0 hold for the plant's weights as a whole, so that this needs 
   weight can amplify only what is left, and R has p - (n - rank E) rows at most; so many faults at most.
 * "slow": faults that are constant but for changes much slower than the error. Then e = x - x_hat itself obeys
   e' = N_j e + (T1 Bf + K_j Df) f, r = C e + Df f, and the bound is on the settled residual.
+* "band": faults of sensors without frequencies above the end w of a band. With e' = d one more unknown, Q > 0 and any
+  P, |M r|^2 - |f|^2 + d'Q d - w^2 e'Q e - 2 e'P d > 0 along the error is enough (``certify.finite_frequency``). What
+  multiplies d - N_j e - B_j f is P1 (a d + e - T2 Df f), for a few numbers a: linear in P1 N_j, and "slow" at w = 0.
 
 Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, Theorem 4.3.3. Differences from the print:
 
@@ -34,14 +37,17 @@ import numpy as np
 from ..errors import DesignError
 from . import descriptor_problem
 from .descriptor_lmi import MARGIN, Bounds, Storage, assembled, euler, he, minus, negative, solve
-from .descriptor_problem import DescriptorProblem, factors, visible
+from .descriptor_problem import CALIBRATED, DescriptorProblem, factors, visible
 from .descriptor_uncertain import INVISIBLE, hints
 
 Array = np.ndarray
 #: Options of ``[observer]``: as those of ``descriptor_uncertain``, and the faults that are asked for.
-OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "criterion": ("all", "slow"), "factors": ("free", "least"),
-           "set_rows": (4, 400), "within": (0, 50)}
-CRITERIA = ("all", "slow")
+OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "criterion": ("all", "slow", "band"), "band": (1e-9, 1e9),
+           "factors": ("free", "least"),
+           "set_rows": (4, 400), "within": (0, 50), "mismatch": ("bounded", "any"), **CALIBRATED}
+CRITERIA = ("all", "slow", "band")
+#: How far the derivative of the error may count beside the error itself, in periods of the end of the band.
+SHARES = (0.03, 0.3, 1.0)
 
 
 def inapplicable(plant) -> str | None:
@@ -88,7 +94,7 @@ class DetectionDesign:
 
 
 def design(problem: DescriptorProblem, faults: Faults, bounds: Bounds, criterion: str = "all", free: bool = True,
-           weight: Array | None = None) -> DetectionDesign:
+           weight: Array | None = None, band: float | None = None) -> DetectionDesign:
     """Design for the least ratio that the bounds allow.
 
     Parameters
@@ -97,11 +103,13 @@ def design(problem: DescriptorProblem, faults: Faults, bounds: Bounds, criterion
         Its z is not read: the residual is what counts.
     faults : Faults
     bounds : Bounds
-    criterion : {"all", "slow"}
+    criterion : {"all", "slow", "band"}
     free : bool
         The Z_j are variables.
     weight : ndarray (p, p), optional
         V = M'M; without it is a variable.
+    band : float, optional
+        Its end, rad per unit of the problem's time; of "band".
 
     Returns
     -------
@@ -110,8 +118,29 @@ def design(problem: DescriptorProblem, faults: Faults, bounds: Bounds, criterion
     Raises
     ------
     DesignError
-        rank [E; C] < n, an unknown criterion, Z_j where the vertices are tied, or the solver finds none.
+        rank [E; C] < n, an unknown criterion, Z_j where the vertices are tied, a band for faults that move the state,
+        or the solver finds none.
     """
+    if criterion == "band":
+        if np.any(faults.Bf) or band is None:
+            raise DesignError("hminus-hinf: criterion = \"band\" with " + (
+                "a fault that moves the state (found), expected faults of sensors. Use criterion = \"slow\"."
+                if np.any(faults.Bf) else "no band (found), expected its end in rad/s. State observer.band."))
+        found, failure = [], None
+        for share in SHARES:
+            try:
+                found.append(_designed(problem, faults, bounds, criterion, free, weight, (band, share / band)))
+            except DesignError as error:
+                failure = error
+        if not found:
+            raise failure
+        return min(found, key=lambda d: d.gamma)
+    return _designed(problem, faults, bounds, criterion, free, weight, None)
+
+
+def _designed(problem: DescriptorProblem, faults: Faults, bounds: Bounds, criterion: str, free: bool,
+              weight: Array | None, band: tuple[float, float] | None) -> DetectionDesign:
+    """One convex step; of a band its end and the number a."""
     if criterion not in CRITERIA:
         raise DesignError(f"hminus-hinf: criterion is {criterion!r}, expected one of {', '.join(CRITERIA)}.")
     if not visible(problem):
@@ -135,9 +164,14 @@ def design(problem: DescriptorProblem, faults: Faults, bounds: Bounds, criterion
         conditions += [cp.sigma_max(q) <= bounds.gain * unit, he(PN) + 2 * bounds.decay * P1 << 0]
         if bounds.period is not None:
             conditions.append(euler(P1, PN, bounds.period))
+    moving = [cp.Variable((n, n), symmetric=True) for _ in range(2)] if band else []
+    conditions += [moving[1] >> MARGIN * np.eye(n)] if band else []
     for i, j in problem.pairs:
         conditions.append(negative(_level(problem, i, j, (PT[j], T2), Q[j], plant.P, V, level)))
-        M = assembled(_sensitivity(problem, faults, i, j, (PT[j], T2), Q[j], plant.P, V, criterion))
+        if band is None:
+            M = assembled(_sensitivity(problem, faults, i, j, (PT[j], T2), Q[j], plant.P, V, criterion))
+        else:
+            M = assembled(_in_band(problem, faults, j, (PT[j], T2), Q[j], V, (P1, *moving, *band)))
         if i == j or np.any(faults.Bf):
             conditions.append(M >> MARGIN * np.eye(M.shape[0]))
     if not solve(cp.Problem(cp.Minimize(level), conditions)):
@@ -172,6 +206,16 @@ def _sensitivity(problem: DescriptorProblem, faults: Faults, i: int, j: int, T, 
     if not np.any(faults.Bf):
         return [[*e], [corner]]
     return [[e[0], -PT @ (A[i] - A[j]), e[1]], [-he(A[i].T @ P2), -P2.T @ faults.Bf[i]], [corner]]
+
+
+def _in_band(problem: DescriptorProblem, faults: Faults, j: int, T, Q, V, moving) -> list[list]:
+    """Make r'V r - |f|^2 + d'R d - w^2 e'R e - 2 e'P d + 2 (a d + e - T2 Df f)'P1 (d - N_j e - B_j f) > 0."""
+    (PT, T2), C, Df, A, (P1, P, R, w, a) = T, problem.C, faults.Df, problem.A, moving
+    own, free, G = PT @ A[j] + Q @ C, np.eye(len(C)) - C @ T2, T2 @ Df
+    into, through = Q @ free @ Df - PT @ A[j] @ G, free @ Df
+    return [[R + 2 * a * P1, P1 - P - a * own, -a * into - P1 @ G],
+            [C.T @ V @ C - w**2 * R - he(own), C.T @ V @ through - into + own.T @ G],
+            [through.T @ V @ through - np.eye(Df.shape[1]) + he(G.T @ into)]]
 
 
 def _hint(problem: DescriptorProblem, faults: Faults, bounds: Bounds, T1: Array, T2: Array, criterion: str) -> str:

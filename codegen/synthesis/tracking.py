@@ -48,7 +48,8 @@ from .descriptor_problem import DescriptorProblem, factors
 Array = np.ndarray
 #: Options of ``[observer]``: largest references by output, where modes may lie in 1/s, price of the inputs.
 OPTIONS = {"track": dict, "decay": (1e-9, 1e9), "fastest": (1e-9, 1e9), "observer_decay": (1e-9, 1e9),
-           "observer_fastest": (1e-9, 1e9), "effort": (1e-6, 1e6), "set_rows": (4, 400), "within": (0, 50)}
+           "observer_fastest": (1e-9, 1e9), "effort": (1e-6, 1e6), "set_rows": (4, 400), "within": (0, 50),
+           "mismatch": ("bounded", "any")}
 
 
 def inapplicable(plant) -> str | None:
