@@ -72,9 +72,9 @@ CHANGED = {
         ("(k[1] * s->xi[0])", "(k[1] * s->xi[1])"), ("(k[3] * in->y[0])", "(k[4] * in->y[0])")),
     "digester_descriptor-fault-estimation": (
         ("dig_estimate(s, s->y", "dig_estimate(s, in->y"), ("+ (h[1] * v[1])", "+ (h[0] * v[1])"),
-        ("v[3] = (0.99935F", "v[2] = (0.99935F"), ("(864.0F * h[4])", "(864.0F * h[5])"), 
+        ("v[3] = (0.99935F", "v[2] = (0.99935F"), ("(864.0F * h[4])", "(864.0F * h[5])"),
         ("t13 ? x_hat[3] : 1.05F", "t13 ? 1.05F : x_hat[3]"), ("t11 && t12", "t11 && t5"),
-        ("r[1] = y[1] - x_hat[1]", "r[1] = y[1] - x_hat[2]"), 
+        ("r[1] = y[1] - x_hat[1]", "r[1] = y[1] - x_hat[2]"),
         ("s->z[i] = least[i];", "s->z[i] = most[i];"), ("x_hat[3] = s->z[3] + y[3]", "x_hat[3] = s->z[3] - y[3]")),
     "quadrotor_tracking": (
         ("ref[1] - in->y[1]", "ref[1] - in->y[2]"), ("law->s[0] + (0.01F", "law->s[0] - (0.01F"),
