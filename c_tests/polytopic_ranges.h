@@ -40,7 +40,8 @@ static int framers_are_cut(void)
     return 0;
 }
 
-/* Far above a z leads to one limit, far below to the other, no number at all to the lower; each starts the table anew. */
+/* Far above a z leads to one limit, far below to the other, no number at all to the lower; each starts the table anew,
+ * but where the state is solved for at every sample. */
 static int framers_at_the_ends(void)
 {
     for (uint32_t n = 0U; n < (M(NX) * 4U); n++)
@@ -52,8 +53,11 @@ static int framers_at_the_ends(void)
         b.s.z[n / 4U] = bad[n % 4U];
         b.s.since = M(LAST);
         CHECK((T(step)(&b.s, &b.in, &b.out) == M(OK)) && (b.out.inside <= 1U));
-        CHECK(b.out.assured == ((CASE_HOLDS_FAULTS != 0) ? b.out.inside : 0U));
-        CHECK(b.s.since == 0U);
+        if (((CASE_SOLVED >> (n / 4U)) & 1U) == 0U)
+        {
+            CHECK(b.out.assured == ((CASE_HOLDS_FAULTS != 0) ? b.out.inside : 0U));
+            CHECK(b.s.since == 0U);
+        }
         for (uint32_t k = 0U; k < 3U; k++)
         {
             CHECK(T(step)(&b.s, &b.in, &b.out) == M(OK));

@@ -63,6 +63,7 @@ def case(record: dict) -> str:
              "has_z": "z_lo" in members, "has_mode": "mode" in members, "counts_hold": "hold" in members}
     values |= {f"CASE_{name.upper()}": f"{value}U" for name, value in numbers.items()}
     values |= {f"CASE_{name.upper()}": f"{int(value)}" for name, value in flags.items()}
+    values["CASE_SOLVED"] = f"{sum(1 << k for k in record.get('algebraic', []))}U"  # states that no z decides
     values["CASE_LAW"] = f"{int('law' in record)}"
     values |= {f"CASE_{name.upper()}": "{ " + ", ".join(f"{v!r}{suffix}" for v in row) + " }"
                for name, row in record.get("law", {}).items()}

@@ -16,7 +16,7 @@ from ..observers import Trace
 from ..observers.supervisor import BAD_INPUT, BAD_MODE, BAD_PARAMETER
 from ..plant.model import Plant, PlantTrace, Scenario
 from ..plant.simulate import simulate
-from .mode_promise import dropped, keeps_the_true_mode, late, unbound
+from .mode_promise import dropped, keeps_the_true_mode, late, missed, unbound
 from .steering import Steering, steered
 from .steering import names as names_of
 
@@ -55,7 +55,8 @@ class Outcome:
         Where the promise is in force.
     episodes : list of Episode
     late : int
-        Samples at which a mode was decided for that is certified to be ruled out by then.
+        Samples at which a mode was decided for that is certified to be ruled out by then; and faults after which modes
+        were possible though none is certified to be.
     chance : int
         As ``false_alarms``, of thresholds that are calibrated and promise none.
     steering : Steering or None
@@ -207,7 +208,10 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
         if not design.observer.supervision.assures and cert["kind"] != "sliding":  # whose alarms are proved
             outcome = replace(outcome, false_alarms=0, chance=outcome.false_alarms)
         if cert["kind"] == "mode":
-            outcome = replace(outcome, late=late(plant.kind, cert, truth, trace, outcome.settled))
+            wrong = late(plant.kind, cert, truth, trace, outcome.settled)
+            channels = tuple(f.name for f in plant.f)
+            wrong += missed(plant.kind, channels, cert, truth, trace, outcome.settled)
+            outcome = replace(outcome, late=wrong)
         out.append(outcome)
     return out + _steered(design, driver, loops, names, seed, progress)
 

@@ -242,7 +242,9 @@ def _detection(design, t, cert, real) -> list[Claim]:
                 raise CertificateError(f"assurance: fault {channel} is claimed to be found from {claimed:.6g} on, only "
                                        f"{fresh:.6g} is sure. Design again.")
         size, unit = old["by_delay"][-1], old["unit"]
-        text = f"no size of the fault {channel} is claimed to be found" if size is None else (
+        settled = any(f["channel"] == channel for f in cert.get("faults", ()))
+        none = f"no size of the fault {channel} is claimed to be found" + ", whatever the modes do" * settled
+        text = none if size is None else (
             f"a step of the fault {channel} of {size:.6g}{' ' + unit if unit else ''} or more raises an alarm "
             f"{_when(old['by_delay'].index(size))}")
         conditional = t.vary is not None and acts_on_state(design.plant, channel)

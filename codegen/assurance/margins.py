@@ -17,6 +17,7 @@ from ..certify.containment import Containment, offset
 from ..certify.criteria import check_linf, check_width, lyapunov_block
 from ..certify.error_model import ErrorModel
 from ..certify.exact import Q, down, rational
+from ..certify.exact import exact_pivots as _pivots
 
 SIDES = ("hi", "lo")
 
@@ -125,17 +126,6 @@ def linf(modes, t, cert: dict) -> list[Margin]:
         return out
     proved = check_linf(model, t, cert, names)["error_bound2"]
     return [*out, Margin("square of the claimed level beyond the proved one", Q(cert["level"]) ** 2 - proved)]
-
-
-def _pivots(S) -> list[fmpq]:
-    """Pivots of symmetric elimination, all positive where S is positive definite; ends at the first that is not."""
-    S, out = S.copy(), []
-    for k in range(len(S)):
-        out.append(S[k, k])
-        if S[k, k] <= 0:
-            break
-        S[k + 1:] = S[k + 1:] - np.outer(S[k + 1:, k] / S[k, k], S[k])
-    return out
 
 
 def width(modes, t, cert: dict) -> list[Margin]:

@@ -44,7 +44,8 @@ def of_loop(plant, t, cert: dict, claim, own: tuple):
         "loop-decay", "A quadratic function of plant, observer and integrals shrinks at every step, at every vertex of "
         "plant, observer and law.", "f^2 P - M' P M > 0 for every (i, j, l)", source,
         "codegen.certify.tracking_loop.check_decay",
-        [least("smallest pivot of f^2 P - M' P M", tracking_loop.decays(loop, proof["decay"]))], GAINS, exact, entries)
+        [least("smallest pivot of f^2 P - M' P M", tracking_loop.decays(loop, proof["decay"]))], GAINS,
+        (*exact, "validation"), entries)
     out = tracking_designs.tracked(plant, t.law)
     yield "H-infinity: from rest at reference 0", claim(
         "loop-energy", "Another one pays for the tracking error at every step, at every vertex.",
@@ -52,7 +53,7 @@ def of_loop(plant, t, cert: dict, claim, own: tuple):
         "codegen.certify.tracking_loop.check_level",
         [least("smallest pivot of the matrix of a vertex", tracking_loop.levels(loop, out, proof["level"])),
          Margin("square of the claimed level beyond the proved one",
-                Q(proof["level"]["gamma"]) ** 2 - Q(proof["level"]["level2"]))], GAINS, exact, entries)
+                Q(proof["level"]["gamma"]) ** 2 - Q(proof["level"]["level2"]))], GAINS, (*exact, "validation"), entries)
     reached = tracking_bounds.envelope(loop, t, t.law, tracking_designs.sizes_of(plant, t))
     held = tracking_bounds.limits(*tracking_designs.bounded(plant, t, vertices, reached))
     yield "no saturation:", claim(
@@ -61,7 +62,10 @@ def of_loop(plant, t, cert: dict, claim, own: tuple):
         "raised by more than it rounds).", "sum over past samples of |C M^k B| 1 + what weights that move add <= range",
         f"own derivation: {_first(tracking_bounds)}", "codegen.certify.tracking_bounds.check_envelope",
         [tightest("range beyond what is reached", [(Q(limit) - Q(value), f"{name}: {words}")
-                                                   for name, words, value, limit in held])],
+                                                   for name, words, value, limit in held]),
+         tightest("what is said to be reached, beyond what is", [
+             (Q(said) - Q(value), f"{name}[{i}]") for name in tracking_designs.REACHED
+             for i, (said, value) in enumerate(zip(cert["reached"][name], reached[name]))])],
         (*GAINS, "u"), (*exact, "validation"), entries)
     yield "sampling: the second-order vertices", claim(
         "sampling", "The plant over a period is a mean of second-order vertices and an error whose bound is added to "

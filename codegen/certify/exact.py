@@ -79,18 +79,10 @@ def eye(n: int) -> Array:
 def leading_failure(S: Array) -> int | None:
     """Index of the first non-positive pivot of the symmetric rational S, or None: S is positive definite.
 
-    Elimination without pivoting, of whole numbers without fractions (Bareiss): the numbers stay minors of S times its
-    denominator. Exact, so its answer is a proof either way.
+    Exact, so its answer is a proof either way.
     """
-    whole, _ = fmpq_mat([[Q(x) for x in row] for row in S]).numer_denom()  # the denominator is positive
-    rows, last = whole.tolist(), 1
-    while rows:
-        (pivot, *top), *below = rows
-        if pivot <= 0:
-            return len(S) - len(rows)
-        rows = [[(pivot * x - row[0] * t) // last for x, t in zip(row[1:], top)] for row in below]
-        last = pivot
-    return None
+    found = exact_pivots(S)
+    return len(found) - 1 if found and found[-1] <= 0 else None
 
 
 def up(value: fmpq, real: str = "float64") -> float:
@@ -129,7 +121,7 @@ def pivots(S: Array, bits: int = 320) -> list[fmpq]:
         M, out = [[arb(x) for x in row] for row in S], []
         for k, row in enumerate(M):
             if not row[k] > 0:
-                return _exact_pivots(S) if row[k].contains(0) else [*out, _below(row[k])]
+                return exact_pivots(S) if row[k].contains(0) else [*out, _below(row[k])]
             out.append(_below(row[k]))
             for below in M[k + 1:]:
                 factor = below[k] / row[k]
@@ -146,12 +138,18 @@ def _below(ball: arb) -> fmpq:
     return Q(np.nextafter(least, 0.0 if least > 0 else -np.inf)) if least else fmpq(0)
 
 
-def _exact_pivots(S: Array) -> list[fmpq]:
-    """Pivots of symmetric elimination; ends at the first that is not positive."""
-    S, out = S.copy(), []
-    for k in range(len(S)):
-        out.append(S[k, k])
-        if S[k, k] <= 0:
+def exact_pivots(S: Array) -> list[fmpq]:
+    """Pivots of symmetric elimination; ends at the first that is not positive.
+
+    Of whole numbers, without fractions (Bareiss): they stay minors of S times its denominator.
+    """
+    whole, denominator = fmpq_mat([[Q(x) for x in row] for row in S]).numer_denom()
+    rows, last, out = whole.tolist(), 1, []
+    while rows:
+        (pivot, *top), *below = rows
+        out.append(fmpq(pivot, last * denominator))
+        if pivot <= 0:
             break
-        S[k + 1:] = S[k + 1:] - np.outer(S[k + 1:, k] / S[k, k], S[k])
+        rows = [[(pivot * x - row[0] * t) // last for x, t in zip(row[1:], top)] for row in below]
+        last = pivot
     return out

@@ -7,8 +7,7 @@ mode i to mode j at an instant s of it (s = 0: mode j alone), w~ what a disturba
     f(t) = S e^(A_j (T - t)) ((A_i - A_j) x(t) + (B_i - B_j) u + mean_i - mean_j),
 
 so what a switch adds lies between 0 and T f over the period (``independent_period.py`` bounds it). By when a wrong mode
-is out of the set is not checked here: that rests on linear programs, whose witnesses ``codegen.certify.mode_delay``
-checks.
+is out of the set is looked at in ``independent_delays.py``.
 """
 
 import re
@@ -18,7 +17,8 @@ from fractions import Fraction as F  # noqa: N817 - on every line
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
-from independent import UNIT, demand, exact, mul, read_plant, rounding, size, sub  # noqa: E402 - stands beside this file
+import independent_delays as delays  # noqa: E402 - stands beside this file
+from independent import UNIT, demand, exact, mul, read_plant, rounding, size, sub  # noqa: E402
 from independent_period import LOSS, Plant, Steps  # noqa: E402
 from independent_sets import magnitudes, times  # noqa: E402
 from independent_source import TABLE, flat, functions, numbers  # noqa: E402
@@ -166,7 +166,8 @@ def main(folder, design, record):
     for real, t in design["tables"].items():
         plant = check_boxes(modes, ranges, box0, period_of(design), t, plant)
         demand(design["certificate"][real]["ages"] == t["ages"] < design["certificate"][real]["dwell"], "oldest age")
-        print(f"proved for {real}: true mode and state are in the boxes with rounding; delays are not checked here")
+        said = delays.check(design, real, ranges)
+        print(f"proved for {real}: true mode and state are in the boxes with rounding; {said}")
     text, header = ((folder / f"{record['prefix']}.{end}").read_text() for end in "ch")
     check_source(text, header, design["tables"][record["real"]], record["prefix"])
     print(f"the constants of {record['prefix']}.c are those of the {record['real']} tables")

@@ -171,6 +171,38 @@ def check_blend(body, real, target, parts):
     demand(all(set(r) <= known for shared, own in rows for r in (shared, *own.values())), f"operands of {target}")
 
 
+def check_program(body, t):
+    """The operations of the weights in the C, one by one, are those that were looked at."""
+    w, real, n, m = t["weights"], t["real"], len(t["T2"]), len(t["u_lo"])
+    first = w["inputs"] + len(w["constants"])
+
+    def name(k):
+        if k < w["inputs"]:
+            return f"x_hat[{k}]" if k < n else f"in.u[{k - n}]" if k < n + m else f"in.theta[{k - n - m}]"
+        return f"t{k - first}" if k >= first else f"<{F(w['constants'][k - w['inputs']])}>"
+
+    def known(piece):
+        end = "F" if real == "float32" else ""
+        piece = re.sub(rf"\(?(-?(?<![\w.\[])(?:\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+){end}(?![\w.]))\)?", lambda m: (
+            f"<{numbers(m[1], real)[0]}>"), piece)
+        return re.sub(r"[\s()]", "", piece.replace("->", "."))
+
+    signs = {"add": "+", "sub": "-", "mul": "*", "ge": ">=", "le": "<=", "gt": ">", "and": "&&"}
+    wanted = []
+    for op, *args in w["operations"]:
+        a, b, c = (*map(name, args), "", "")[:3]
+        forms = {"select": f"{a}?{b}:{c}", "min": f"{a}<{b}?{a}:{b}", "max": f"{a}>{b}?{a}:{b}", "neg": f"-{a}",
+                 "div": f"{b}><0>||{b}<<0>?{a}/{b}:", "abs": f"{a}<<0>?-{a}:{a}"}
+        wanted.append(f"{a}{signs[op]}{b}" if op in signs else forms.get(op, f"{op}{'f' * (real == 'float32')}{a}"
+                                                                       + f",{b}" * (len(args) == 2)))
+    found = [known(e) for e in re.findall(r"const \w+ t\d+ = ([^;]*);", body)]
+    found = [re.sub(r"(?<=:)(?:FLT|DBL)_MAX$", "", e) for e in found]
+    demand(re.findall(r"const \w+ t(\d+) =", body) == [str(k) for k in range(len(wanted))] and found == wanted,
+           "an operation of the weights in the C is another one")
+    results = [known(e) for e in re.findall(r"(?:h\[\d+\]|inside) = ([^;]*);", body)]
+    demand(results == [name(k) for k in w["results"]], "what the weights of the C are")
+
+
 def check_source(text, header, t, prefix):
     """Every sum, table, number and count of the C is the design's."""
     real, text = t["real"], re.sub(r"/\*.*?\*/", "", text, flags=re.S)
@@ -207,8 +239,8 @@ def check_source(text, header, t, prefix):
     accepted = numbers(body("[uy]_accepted"), real)
     ranges = flat([t[k] for k in ("u_lo", "u_hi", "y_lo", "y_hi")])
     demand(sorted(accepted) == sorted(ranges), "ranges that are accepted")
+    check_program(body("weights"), t)
     program = {abs(F(c)) for c in t["weights"]["constants"]}
-    demand({abs(x) for x in numbers(body("weights"), real)} <= program | {F(0)}, "a number of the weights")
     known = {abs(x) for v in [*t.values(), *law.values()] if isinstance(v, list) for x in flat(v)} | program
     known |= {F(0), F(1)} | ({F(law["period"])} if law else set())
     demand({abs(x) for x in numbers(text, real)} <= known, "the C holds a number that no table does")

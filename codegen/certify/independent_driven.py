@@ -111,8 +111,8 @@ def main(folder, design, record):
         demand(cert["ages"] == t["ages"] < cert["dwell"], "oldest age")
         check_told(t, cert, plant)
         check_joint(t)
-        print(f"proved for {real}: true mode and state are in the boxes and framers, with rounding; delays are not "
-              "checked here")
+        said = births.delays.check(design, real, boxes["x"])
+        print(f"proved for {real}: true mode and state are in the boxes and framers, with rounding; {said}")
     t = design["tables"][record["real"]]
     text, header = ((folder / f"{record['prefix']}.{end}").read_text() for end in "ch")
     check_source(text, header, t, record["prefix"])

@@ -48,7 +48,10 @@ def functions(text, prefix, names):
     return "".join(re.findall(rf"\n\w[^\n]*{prefix}_(?:{names})\([^;]*?\)\n{{.*?\n}}\n", text, re.S))
 
 
-def check_source(text, t, prefix):
+STARTS = (("init", "set_initial", "x0"), ("whole_range", "whole_range|set_anywhere", "x"))
+
+
+def check_source(text, t, prefix, from_boxes=STARTS):
     """Every table and number of the C is one of the design's; what init and reset start from holds its box."""
     real, z = t["real"], t["shape"]
     fields = [v for part in (t, z) for v in part.values() if isinstance(v, list)]
@@ -66,7 +69,7 @@ def check_source(text, t, prefix):
     demand(not foreign, f"the C holds {[float(x) for x in sorted(foreign)][:3]}, no table does")
     needed = {abs(x) for k in "MGLNdABaCDc" for x in flat(t[k])} - {F(0), F(1)}
     demand(needed <= {abs(x) for x in numbers(affine, real)}, "a constant of the tables is missing in the C")
-    for centre, table, name in (("init", "set_initial", "x0"), ("whole_range", "whole_range|set_anywhere", "x")):
+    for centre, table, name in from_boxes:
         check_start(functions(text, prefix, centre), functions(text, prefix, table), t, name)
 
 

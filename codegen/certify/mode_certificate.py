@@ -11,8 +11,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import CertificateError
+from . import mode_witness
 from .claims import digest
 from .mode_claims import Claims, ModeDelays
+from .mode_faults import surely_found
 from .mode_steps import check_enclosure
 
 Array = np.ndarray
@@ -69,20 +71,44 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
         raise CertificateError(f"certificate: from power-up some modes are not told apart within {horizon} samples. "
                                "State a smaller initial box, or a longer dwell time.")
     n = plant.n_modes
-    return t, {"kind": "mode", "dwell": dwell_samples(plant), "ages": t.ages, "horizon": horizon,
-               "old": square(n, found.old), "identified": square(n, found.identified), "quiet": found.quiet,
-               "start": found.start, "worst": found.worst, "widths": found.widths.tolist(),
-               **({"restart": found.restart, "calm": found.calm} if restart else {}),
-               **({"switches": "at samples"} if plant.kind == "discrete" else {})}
+    cert = {"kind": "mode", "dwell": dwell_samples(plant), "ages": t.ages, "horizon": horizon,
+            "old": square(n, found.old), "identified": square(n, found.identified), "quiet": found.quiet,
+            "start": found.start, "worst": found.worst, "widths": found.widths.tolist(),
+            **({"restart": found.restart, "calm": found.calm} if restart else {}),
+            **({"switches": "at samples"} if plant.kind == "discrete" else {})}
+    kept: dict = {}
+    proved(plant, t, cert, kept)
+    faults = found_faults(plant, t, cert)
+    return t, cert | ({"faults": faults} if faults else {}) | {"witnesses": mode_witness.stated(kept, found.widths)}
+
+
+def claims_on(plant, t, cert: dict, kept: dict | None = None) -> Claims:
+    """What computes the delays of a certificate."""
+    return Claims(t, plant.limits("x"), plant.limits("u"), cert["dwell"], cert["horizon"], kept)
 
 
 #: Tables of framers that an estimator drives: no delay rests on them.
 FRAMERS = ("told", "S_rounded", "xi_room")
 #: Delays by what they follow from: a folder's design is proved more than once in one run.
 _KNOWN: dict[str, ModeDelays] = {}
+#: Faults that are surely found, alike.
+_FOUND: dict[str, list] = {}
 
 
-def proved(plant, t, cert: dict) -> ModeDelays:
+def found_faults(plant, t, cert: dict) -> list[dict]:
+    """Steps of sensors that leave no mode possible, anew from the widths of a certificate (``mode_faults``)."""
+    claims, own = claims_on(plant, t, cert), {k: v for k, v in t.to_dict().items() if k not in FRAMERS}
+    acting = [[m.Df.tolist(), m.Bf.tolist()] for m in plant.modes], [[f.name, f.lo, f.hi] for f in plant.f]
+    key = digest(own, [cert["widths"], cert["quiet"], cert["dwell"]], [side.tolist() for side in (
+        *claims.x, *claims.u)], acting)
+    if key not in _FOUND:
+        if len(_FOUND) >= 32:
+            _FOUND.clear()
+        _FOUND[key] = surely_found(plant, claims, np.array(cert["widths"]), cert["quiet"])
+    return _FOUND[key]
+
+
+def proved(plant, t, cert: dict, kept: dict | None = None) -> ModeDelays:
     """The delays anew, from the widths of a certificate.
 
     Parameters
@@ -90,6 +116,8 @@ def proved(plant, t, cert: dict) -> ModeDelays:
     plant : Plant
     t : ModeTables
     cert : dict
+    kept : dict or None
+        Takes the multipliers behind them (``mode_witness``).
 
     Returns
     -------
@@ -99,11 +127,11 @@ def proved(plant, t, cert: dict) -> ModeDelays:
     ------
     CertificateError
     """
-    claims = Claims(t, plant.limits("x"), plant.limits("u"), cert["dwell"], cert["horizon"])
+    claims = claims_on(plant, t, cert, kept)
     rests = [*(cert[name] for name in ("widths", "old", "dwell", "horizon")), "restart" in cert]
     own = {name: value for name, value in t.to_dict().items() if name not in FRAMERS}
     key = digest(own, rests, [side.tolist() for side in (*claims.x, *claims.u)])
-    if key not in _KNOWN:
+    if key not in _KNOWN or kept is not None:
         old = {(i, j): cert["old"][i][j] - 1 for i, j in claims.pairs}
         found = claims.again(np.array(cert["widths"]), old, "restart" in cert)
         if len(_KNOWN) >= 32:
@@ -135,6 +163,13 @@ def check(plant, t, cert: dict) -> list[str]:
     for name, fresh in single.items():
         if fresh is None or cert[name] is None or cert[name] < fresh:
             raise CertificateError(f"certificate: {name} is {cert[name]} samples, only {fresh} proved.")
+    if cert.get("faults"):
+        fresh = {f["channel"]: f for f in found_faults(plant, t, cert)}
+        for f in cert["faults"]:
+            of = fresh.get(f["channel"], {"size": np.inf, "within": 0, "after": 0})
+            if f["size"] < of["size"] or f["within"] < of["within"] or f["after"] < of["after"]:
+                raise CertificateError(f"certificate: the fault {f['channel']} is claimed to be found from "
+                                       f"{f['size']:.6g} on, only {of['size']:.6g} is proved.")
     return sentences(plant, t, cert)
 
 
@@ -149,6 +184,11 @@ def sentences(plant, t, cert: dict) -> list[str]:
         "after a reset, and after an alarm from the second sample without one on, mode is right after "
         f"{time(cert['restart'])} at the latest, and after {time(cert['calm'])} all that is said of switches holds "
         "again, if neither a switch nor a fault comes before that"]
+    seen = [
+        f'a step of the fault "{f["channel"]}" of {f["size"]:.6g} or more, either way, leaves no mode possible within '
+        f"{time(f['within'])} of its first one, if it begins {time(f['after'])} or more after power-up and the last "
+        "switch, no alarm came before, the mode stays, and measurements are neither missing nor refused"
+        for f in cert.get("faults", ())]
     pairs = [(i, j) for i in range(len(names)) for j in range(len(names)) if i != j]
     anywhere = "at any instant" if plant.kind == "continuous" else (
         "at any sample (a mode that acts from a sample on is in the set at the next one)")
@@ -164,5 +204,5 @@ def sentences(plant, t, cert: dict) -> list[str]:
         f"from power-up within the initial box mode is right after {time(cert['start'])} at the latest, if the first "
         f"switch is {time(cert['dwell'])} later or more",
         f"a wrong mode that is taken up while the mode stays is out of mode_set within {time(cert['quiet'])}; the "
-        f"oldest age {t.ages} is beyond that", *after,
+        f"oldest age {t.ages} is beyond that", *after, *seen,
     ]

@@ -66,19 +66,21 @@ class Claims:
         Least number of samples between switches.
     horizon : int
         Samples after which a hypothesis counts as never dying.
+    kept : dict or None
+        Takes the multipliers that prove something (``mode_delay.Program``).
     """
 
-    def __init__(self, t, x, u, dwell: int, horizon: int):
-        self.t, self.x, self.u, self.dwell, self.horizon = t, x, u, dwell, horizon
+    def __init__(self, t, x, u, dwell: int, horizon: int, kept: dict | None = None):
+        self.t, self.x, self.u, self.dwell, self.horizon, self.kept = t, x, u, dwell, horizon, kept
         self.modes = range(len(t.Phi))
         self.oldest = 0  # samples that a wrong child may live
         self.hull_begun: dict = {}  # the same after power-up, per mode
         self.hulls: dict = {}  # of the right mode's children, per switch: widths, and at which sample
         self.pairs = [(i, j) for i in self.modes for j in self.modes if i != j]
 
-    def course(self, widths: Array) -> Course:
+    def course(self, widths: Array, name: str = "settled") -> Course:
         """Stories with these widths."""
-        return Course(self.t, *self.x, *self.u, widths)
+        return Course(self.t, *self.x, *self.u, widths, self.kept, name)
 
     def survivals(self, course: Course, guess: tuple[dict, dict] = ({}, {}),
                   switched: bool = True) -> tuple[dict, dict]:
@@ -111,15 +113,15 @@ class Claims:
         for story in stories:
             program, end = course.told(story, first, at)
             for r in range(p, n):
-                above[r] = max(above[r], program.most({end["hi"][r]: 1.0, end["c"][r]: -1.0}))
-                below[r] = max(below[r], program.most({end["c"][r]: 1.0, end["lo"][r]: -1.0}))
+                above[r] = max(above[r], program.most({end["hi"][r]: 1.0, end["c"][r]: -1.0}, f"hi {r}"))
+                below[r] = max(below[r], program.most({end["c"][r]: 1.0, end["lo"][r]: -1.0}, f"lo {r}"))
         widths = above + below
         widths[:p] = t.v_hi - t.v_lo
         return widths
 
     def begun(self) -> Array:
         """Widths of the box of the true mode a dwell time after power-up, with what wrong modes gave birth to."""
-        course = self.course(self.t.start_hi - self.t.start_lo)
+        course = self.course(self.t.start_hi - self.t.start_lo, "begun")
         widths = np.zeros(len(course.widths))
         for true in self.modes:
             alive = {m: self._begin(course, true, m, "start") for m in self.modes if m != true}
@@ -254,7 +256,7 @@ class Claims:
     def _concluded(self, widths: Array, old: dict, quiet: dict, restart: bool) -> ModeDelays:
         course = self.course(widths)
         wider, first = self.early(quiet)
-        young = self.survivals(self.course(wider), (old, quiet), switched=False)[1]
+        young = self.survivals(self.course(wider, "early"), (old, quiet), switched=False)[1]
         self._grown_up(max(young.values()))
         if self.dwell < first + max(young.values()):
             raise CertificateError(f"certificate: a wrong child born {first} samples after a switch may live "

@@ -56,15 +56,30 @@ class Story:
     begin: str = "settled"
 
     @property
+    def name(self) -> str:
+        """Its fields in a row."""
+        return " ".join("-" if x is None else str(x) for x in (self.old, self.new, self.wrong, self.born, self.parent,
+                                                               self.begin))
+
+    @property
     def source(self) -> int:
         """Mode of the established hypothesis."""
         return self.old if self.parent is None else self.parent
 
 
 class Program:
-    """Rows a'z <= b over boxed variables."""
+    """Rows a'z <= b over boxed variables.
 
-    def __init__(self):
+    Parameters
+    ----------
+    kept : dict or None
+        Takes what proves something: name -> (program, multipliers, cost).
+    name : str
+        Of the story.
+    """
+
+    def __init__(self, kept: dict | None = None, name: str = ""):
+        self.kept, self.name = kept, name
         self.lo: list[float] = []
         self.hi: list[float] = []
         self.rows: list[dict[int, float]] = []
@@ -102,9 +117,13 @@ class Program:
         found = linprog(np.r_[np.zeros(n), 1.0], A_ub=A, b_ub=self.right, bounds=bounds, method="highs")
         if not found.success or found.fun <= WORTH:
             return False
-        return self.witnessed(np.maximum(-found.ineqlin.marginals, 0.0))
+        y = np.maximum(-found.ineqlin.marginals, 0.0)
+        sure = self.witnessed(y)
+        if sure and self.kept is not None:
+            self.kept[self.name] = self, y, None
+        return sure
 
-    def most(self, cost: dict[int, float]) -> float:
+    def most(self, cost: dict[int, float], name: str = "") -> float:
         """A sure upper bound of a linear function over the solutions; minus infinity where there surely is none."""
         data = [(r, i, a) for r, row in enumerate(self.rows) for i, a in row.items()]
         r, i, a = (np.array(x) for x in zip(*data))
@@ -115,6 +134,8 @@ class Program:
         if not found.success and self.infeasible():
             return -np.inf
         y = np.maximum(-found.ineqlin.marginals, 0.0) if found.success else np.zeros(len(self.rows))
+        if self.kept is not None:
+            self.kept[f"{self.name} {name}"] = self, y, cost
         # Weak duality in floats, outward: y'b + max over the box of (c - A'y)'z.
         rest = c - A.T @ y
         slip = 1e-13 * (np.abs(c) + np.abs(A.T) @ y)
@@ -122,9 +143,13 @@ class Program:
         top = y @ self.right + pos(rest) @ self.hi - neg(rest) @ self.lo + slip @ sizes
         return float(top + 1e-12 * (y @ np.abs(self.right)))
 
-    def witnessed(self, y: Array) -> bool:
+    def witnessed(self, y) -> bool:
         """Whether min over the box of y'A z exceeds y'b, exactly; y >= 0."""
-        total: dict[int, fmpq] = {}
+        return self.exactly(y, {}) < 0
+
+    def exactly(self, y, cost: dict[int, float]) -> fmpq:
+        """Return y'b + max over the box of (cost - y'A) z, exactly: no solution has a larger cost."""
+        total: dict[int, fmpq] = {i: -Q(c) for i, c in cost.items()}
         right = fmpq(0)
         for weight, row, b in zip(y, self.rows, self.right):
             if weight > 0:
@@ -135,7 +160,7 @@ class Program:
         least = fmpq(0)
         for i, a in total.items():
             least += a * (Q(self.lo[i]) if a > 0 else Q(self.hi[i]))
-        return least > right
+        return right - least
 
 
 def outward(value: Array) -> Array:
@@ -154,12 +179,17 @@ class Course:
     u_lo, u_hi : ndarray (n_u,)
     widths : ndarray (n_x,)
         Largest width of the box of an established true mode when the story begins.
+    kept : dict or None
+        As of ``Program``.
+    name : str
+        Of these widths.
     """
 
-    def __init__(self, t, x_lo, x_hi, u_lo, u_hi, widths):
-        self.t, self.widths = t, widths
+    def __init__(self, t, x_lo, x_hi, u_lo, u_hi, widths, kept: dict | None = None, name: str = ""):
+        self.t, self.widths, self.kept, self.name = t, widths, kept, name
         self.x, self.u = (x_lo, x_hi), (u_lo, u_hi)
         self.n, self.p = t.Phi.shape[1], len(t.v_lo)
+        self.more = np.zeros(self.p)  # of a fault
         self.u_most = np.maximum(np.abs(u_lo), np.abs(u_hi))
         # The estimator rounds; here its boxes are exact. So they may be larger there by this share of their terms.
         self.rounding = (4 * self.n + 2 * len(u_lo) + 16) * float(np.finfo(t.real).eps)
@@ -176,7 +206,7 @@ class Course:
             plain = np.max([plain, *(a for a, _ in pairs)], axis=0)
             once = np.max([once, plain, *(b for _, b in pairs)], axis=0)
             for size in (plain, once):
-                size[:p] = seen[:p] + 3 * noise
+                size[:p] = seen[:p] + 3 * noise + self.more
         return 1.001 * plain, 1.001 * once
 
     def _grown(self, q: int, plain: Array, once: Array) -> tuple[Array, Array]:
@@ -198,24 +228,24 @@ class Course:
         true modes and the measurements.
         """
         t, n, p = self.t, self.n, self.p
-        out = Program()
+        out = Program(self.kept, f"{self.name} {story.name} {first} {last}")
+        lost = np.abs(t.S_inverse.astype(float) @ t.S - np.eye(n)) @ np.max(np.abs(self.x), axis=0)
         plain, most = self.reach_of_boxes(last - first)
         now: dict[str, Array] = {}
         for k in range(first, last + 1):
             before, now = now, {}
             now["xi"] = out.variables(t.wide_lo, t.wide_hi)
             now["u"] = out.variables(*self.u)
-            now["y"] = out.variables(t.wide_lo[:p] + 2 * t.v_lo, t.wide_hi[:p] + 2 * t.v_hi)
+            now["y"] = out.variables(t.wide_lo[:p] + 2 * t.v_lo - self.more, t.wide_hi[:p] + 2 * t.v_hi + self.more)
             now["lo"], now["hi"] = out.variables(-most, most), out.variables(-most, most)
             now["c"] = out.variables(-2 * most, 2 * most)
             self._reference(out, story, k - 1, before if k > first else None, now)
-            room = 1e-9 * (1 + np.abs(self.x[0]) + np.abs(self.x[1]))
+            room = lost + 1e-9 * (1 + np.abs(self.x[0]) + np.abs(self.x[1]))  # S_inverse is rounded
             out.below([(t.S_inverse, now["xi"])], self.x[1] + room)
             out.below([(-t.S_inverse, now["xi"])], -self.x[0] + room)
             unit = np.eye(n)
-            out.below([(np.eye(p), now["y"]), (-np.eye(p), now["xi"][:p])], t.v_hi)
-            out.below([(-np.eye(p), now["y"]), (np.eye(p), now["xi"][:p])], -t.v_lo)
-            seen = np.maximum(np.abs(t.wide_lo), np.abs(t.wide_hi))[:p] + 2 * np.abs(t.D) @ self.u_most
+            self._measured(out, k, now)
+            seen = np.maximum(np.abs(t.wide_lo), np.abs(t.wide_hi))[:p] + 2 * np.abs(t.D) @ self.u_most + self.more
             cut = self.rounding * (seen + np.abs(t.v_lo) + np.abs(t.v_hi))
             out.below([(np.eye(p), now["y"]), (-np.eye(p), now["lo"][:p])], t.v_hi + cut)
             out.below([(-np.eye(p), now["y"]), (np.eye(p), now["hi"][:p])], -t.v_lo + cut)
@@ -234,6 +264,11 @@ class Course:
             self._truth(out, story, k - 1, before, now)
             self._hypothesis(out, story, k - 1, before, now, plain)
         return out, now
+
+    def _measured(self, out: Program, k: int, now: dict) -> None:
+        one, xi = np.eye(self.p), now["xi"][:self.p]
+        out.below([(one, now["y"]), (-one, xi)], self.t.v_hi)
+        out.below([(-one, now["y"]), (one, xi)], -self.t.v_lo)
 
     def _reference(self, out: Program, story: Story, k: int, a: dict | None, b: dict) -> None:
         t, p, unit = self.t, self.p, np.eye(self.n)

@@ -38,7 +38,7 @@ def restarted(claims, widths: Array) -> tuple[int, int]:
     CertificateError
         A wrong mode lives on beyond the horizon.
     """
-    t, course, calm = claims.t, claims.course(widths), 0
+    t, course, calm = claims.t, claims.course(widths, "restart"), 0
     widest = np.zeros(len(widths))
     for true in claims.modes:
         hull, at = _hull(claims, course, true)
@@ -48,7 +48,7 @@ def restarted(claims, widths: Array) -> tuple[int, int]:
         for box, samples in ((t.wide_hi - t.wide_lo, 0), (hull, t.ages - at)):
             widest = np.maximum(widest, contracted(t, box, true, samples))
         calm = max(calm, at + _narrow(t, hull, true, widths))
-    young = max(claims.survivals(claims.course(widest), switched=False)[1].values())
+    young = max(claims.survivals(claims.course(widest, "calm"), switched=False)[1].values())
     right = claims.first("wide", course)
     if right is None:
         raise CertificateError(f"certificate: after an alarm some modes are not told apart within {claims.horizon} "

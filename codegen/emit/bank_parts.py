@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..observers.bank import BankTables
-from ..observers.bank import Member as BankMember
+from ..observers.bank_tables import BankTables
+from ..observers.bank_tables import Member as BankMember
 from ..observers.polytopic_step import LIBM
 from .cprint import comment, count_operations, literal, macro_names
 from .families import Member, Word, state_layout

@@ -121,6 +121,7 @@ def resources(d: DesignView, design) -> dict:
     if law is not None:
         own["law"] = {k: getattr(law, k).astype(float).tolist() for k in ("reference", "limit")}
     own |= {"faults": t.faults} if getattr(t, "faults", 0) else {}  # of x_hat, the last entries
+    own |= {"algebraic": list(t.algebraic)} if hasattr(t, "algebraic") else {}
     return {"generator": f"residua {d.version}", "prefix": d.prefix, "macro": d.macro, "real": d.real,
             "layout": d.layout, "family": d.family, "certificate": design.digest,
             "n_x": len(d.x), "n_u": len(d.u), "n_y": len(d.y), "n_theta": len(d.theta),

@@ -1,6 +1,7 @@
 """Run-time families: one recursion per file, the numpy step that the C must equal bit for bit."""
 
-from .bank import BankObserver, BankTables, BankTrace
+from .bank import BankObserver, BankTrace
+from .bank_tables import BankTables
 from .blocks import BlockObserver, BlockTables
 from .box import BoxObserver, BoxTables
 from .coordinates import Coordinates

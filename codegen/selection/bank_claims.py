@@ -11,7 +11,7 @@ from ..certify import bank_limits
 from ..certify.exact import Q, rational
 from ..certify.polytope_detection import check as check_detector
 from ..errors import CertificateError
-from ..observers.bank import BankTables
+from ..observers.bank_tables import BankTables
 from ..plant.model import Plant
 from ..synthesis.bank import member
 from ..synthesis.descriptor_gains import StandardGains

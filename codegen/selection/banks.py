@@ -15,7 +15,7 @@ from ..certify.exact import rational
 from ..designs import Design
 from ..errors import CertificateError, DesignError
 from ..observers import FAMILIES, Supervision
-from ..observers.bank import BankTables, Member
+from ..observers.bank_tables import BankTables, Member
 from ..observers.runner import outward
 from ..plant.model import Plant
 from ..plant.weight_program import weight_program

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from codegen.algebra.dwell import admissible, ratio, shortest, switching_factor
 from codegen.certify import rounding
 from codegen.certify.dwell import decays, factor, root_above
-from codegen.certify.exact import down, leading_failure, up
+from codegen.certify.exact import down, exact_pivots, leading_failure, up
 from codegen.certify.rounding import TINY, UNIT, input_error, sum_error
 from codegen.errors import CertificateError
 from codegen.observers.supervisor import Supervision, SupervisorState, watch_dwell
@@ -55,6 +55,7 @@ def test_decision_is_that_of_the_construction(n, seed):
     S = [[sum((F[k][i] * d[k] * F[k][j] for k in range(n)), fmpq(0)) for j in range(n)] for i in range(n)]
     first = next((k for k in range(n) if d[k] <= 0), None)
     assert leading_failure(S) == first
+    assert exact_pivots(S) == (d if first is None else d[:first + 1])
 
 
 # -- directed rounding -----------------------------------------------------------------------------

@@ -268,7 +268,7 @@ def test_every_method_takes_a_polytopic_plant_or_says_why_not(name, method):
     plant = load(name)
     reason = METHODS[method].module.inapplicable(plant)
     if reason is not None:
-        assert reason.endswith(".") and (METHODS[method].family in ("polytopic", "bank") or (
+        assert reason.endswith(".") and (METHODS[method].family in ("polytopic", "descriptor", "bank") or (
             reason.startswith("the plant is polytopic") and "expected" in reason))
         with pytest.raises(DesignError, match=re.escape(f'{name}: method "{method}" does not apply: {reason}')):
             design(plant, method)

@@ -64,7 +64,7 @@ def test_c_equals_the_reference(uneven, real, layout, tmp_path):
 
 
 MUTANTS = [("g[1] = g[1] / pivot", "g[1] = h[1]"), ("pivot = g[0] + g[1]", "pivot = h[0] + h[1]"),
-           ("obs_weights(s->z, h)", "obs_weights(s->y, h)"), ("s->z[3] = x_hat[3];", ""),
+           ("obs_weights(s->z, h)", "obs_weights(s->y, h)"), ("x_hat[1] = s->z[1];", "x_hat[1] = s->z[0];"),
            ("(g[1] * v[1])", "(h[1] * v[1])"), ("if (!inside)", "if (inside)"),
            ("inside, r, true, out)", "inside, r, false, out)")]
 
