@@ -9,8 +9,8 @@ what remains speaks of R = (P^-1)_11 and S = P_11 only. Differences from the pri
 * the lemma, applied edge by edge, gives one filter per *pair* of modes, (A, B) of which could be applied once the next
   mode is known: N^2 tables, and the last measurement kept. One filter per mode is looked for with P from the interior,
   at levels a little above the bound, and what that costs is returned. No tables by pairs are made: the bound holds for
-  them too, and on every example, the multipliers varied, it is that of the slack variables with one filter per mode to
-  six digits; without uncertainty the best gains depend on P of the present mode alone;
+  them too, and on the example measured (farhat, nominal and uncertain, the multipliers varied) it is that of the slack
+  variables with one filter per mode to six digits; without uncertainty the best gains depend on P of the present mode alone;
 * alpha_q of (24) enters together with its inverse: its value is that of the slack-variable design, tau_q = 1/alpha_q.
 """
 

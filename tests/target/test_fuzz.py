@@ -94,7 +94,8 @@ def test_mutants(old, new, tmp_path):
 
 
 def test_command(tmp_path):
-    done = CliRunner().invoke(main, ["fuzz", str(TWO[1]), "--runs", "2000"])
+    folder = shutil.copytree(TWO[1], tmp_path / "made")  # its assurance file is written
+    done = CliRunner().invoke(main, ["fuzz", str(folder), "--runs", "2000"])
     assert done.exit_code == 0 and "2000 sequences" in done.output, done.output
     done = CliRunner().invoke(main, ["fuzz", str(tmp_path)])
     assert done.exit_code == ToolError.exit_code and "resources.json" in done.output
