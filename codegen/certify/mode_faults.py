@@ -37,7 +37,8 @@ class FaultCourse(Course):
 
     def _measured(self, out, k: int, now: dict) -> None:
         if k < 0:
-            return super()._measured(out, k, now)
+            super()._measured(out, k, now)
+            return
         if k == 0:
             out.fault = out.variables([0.0], [self.top])
         one, d = np.eye(self.p), self.direction[:, None]

@@ -72,9 +72,9 @@ CHANGED = {
         ("(k[1] * s->xi[0])", "(k[1] * s->xi[1])"), ("(k[3] * in->y[0])", "(k[4] * in->y[0])")),
     "digester_descriptor-fault-estimation": (
         ("dig_estimate(s, s->y", "dig_estimate(s, in->y"), ("+ (h[1] * v[1])", "+ (h[0] * v[1])"),
-        ("v[3] = (0.99935F", "v[2] = (0.99935F"), ("(864.0F * h[4])", "(864.0F * h[5])"), 
+        ("v[3] = (0.99935F", "v[2] = (0.99935F"), ("(864.0F * h[4])", "(864.0F * h[5])"),
         ("t13 ? x_hat[3] : 1.05F", "t13 ? 1.05F : x_hat[3]"), ("t11 && t12", "t11 && t5"),
-        ("r[1] = y[1] - x_hat[1]", "r[1] = y[1] - x_hat[2]"), 
+        ("r[1] = y[1] - x_hat[1]", "r[1] = y[1] - x_hat[2]"),
         ("s->z[i] = least[i];", "s->z[i] = most[i];"), ("x_hat[3] = s->z[3] + y[3]", "x_hat[3] = s->z[3] - y[3]")),
     "quadrotor_tracking": (
         ("ref[1] - in->y[1]", "ref[1] - in->y[2]"), ("law->s[0] + (0.01F", "law->s[0] - (0.01F"),
@@ -201,11 +201,9 @@ FALSE = {
     "quadrotor_tracking": (
         ("loop", "decay", lambda d: d | {"factor": 0.99 * d["factor"]}, "loop-decay: smallest pivot"),
         ("loop", "level", lambda d: d | {"level2": 0.9 * d["level2"]}, "loop-energy: smallest pivot"),
-        ("loop", "level", lambda d: d | {"gamma": 0.9 * d["gamma"]}, r"gamma\^2 at least that"),
         ("certificate", "reached", lambda r: r | {"u": [0.99 * u for u in r["u"]]}, "said to be reached"),
         ("tables", "law", lambda law: replace(law, limit=law.limit / 2), "no-saturation: range beyond"),
-        ("tables", "law", lambda law: replace(law, Kx=law.Kx * np.float32(1.5)), "loop-decay: smallest pivot"),
-        ("tables", "h", lambda h: 0.999 * h, "residual [0-9] reaches")),
+        ("tables", "law", lambda law: replace(law, Kx=law.Kx * np.float32(1.5)), "loop-decay: smallest pivot")),
     "mode": (
         *(("tables", key, lambda x, f=factor: f * x, words) for key, factor, words in (
             ("reach", 0.5, "reach of mode"), ("birth", 0.5, "birth from"), ("J_radius", 0.7, "jump from"),

@@ -47,7 +47,7 @@ def committed():
     return read_design(GENERATED / "disc_contact_descriptor-direct")
 
 
-def samples(name: str, t, count: int = 60):
+def samples(name: str, t, count: int = 40):
     """Plant at random weights, observer at its own: x, u, d, z, weights of both and what the observer answers."""
     p, (problem, _) = plant(name), held(name)
     rng, (h, n, *_) = np.random.default_rng(3), problem.sizes
@@ -144,7 +144,7 @@ CONSTANTS = {"P": lambda v: v * 1.01, "Q": lambda v: -v, "K": lambda v: -v, "F":
              "z_hi": lambda v: v * 4}
 PROOFS = {"Rc": lambda v: (0 * np.array(v)).tolist(), "Re": lambda v: (0 * np.array(v)).tolist(),
           "P1": lambda v: (-np.array(v)).tolist(), "contraction": lambda v: 0.99 * v, "bounds": lambda v:
-          (0.9 * np.array(v)).tolist(), "period": lambda v: 2 * v, "level2": lambda v: 0.5 * v}
+          (0.6 * np.array(v)).tolist(), "period": lambda v: 2 * v, "level2": lambda v: 0.5 * v}
 
 
 @pytest.mark.parametrize("key", [*CONSTANTS, *PROOFS])

@@ -79,7 +79,7 @@ def test_after_a_restart_the_decision_is_right_in_time(made):
         wrong = np.flatnonzero(found[at:] == mode)
         identified = max(identified, wrong[-1] + 2 if len(wrong) else 1)
     assert 2 <= slowest <= cert["restart"] and identified <= cert["worst"]
-    words = mode_certificate.sentences(p, t, cert)[-1]
+    words = next(s for s in mode_certificate.sentences(p, t, cert) if s.startswith("after a reset"))
     assert "after a reset, and after an alarm from the second sample without one on, mode is right after " \
            f"{cert['restart']} samples" in words and cert["calm"] > cert["restart"]
 
@@ -99,7 +99,7 @@ def test_restart_has_a_claim_that_a_false_number_breaks(made):
     def found(cert):
         claims = [(begins, make) for begins, make in mode_claims.of_certificate(design, made.t, cert, Claim, (), ())]
         assert len(claims) == len(said) and all(s.startswith(begins) for (begins, _), s in zip(claims, said))
-        return claims[-1][1](said[-1])
+        return next(make(s) for (begins, make), s in zip(claims, said) if begins.startswith("after a reset"))
 
     assert found(cert).id == "restart" and all(m.holds for m in found(cert).margins)
     assert not all(m.holds for m in found(cert | {"restart": cert["restart"] - 1}).margins)
