@@ -10,7 +10,8 @@ what remains speaks of R = (P^-1)_11 and S = P_11 only. Differences from the pri
   mode is known: N^2 tables, and the last measurement kept. One filter per mode is looked for with P from the interior,
   at levels a little above the bound, and what that costs is returned. No tables by pairs are made: the bound holds for
   them too, and on the example measured (farhat, nominal and uncertain, the multipliers varied) it is that of the slack
-  variables with one filter per mode to six digits; without uncertainty the best gains depend on P of the present mode alone;
+  variables with one filter per mode to six digits; without uncertainty the best gains
+  depend on P of the present mode alone;
 * alpha_q of (24) enters together with its inverse: its value is that of the slack-variable design, tau_q = 1/alpha_q.
 """
 
