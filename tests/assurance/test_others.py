@@ -22,8 +22,7 @@ from codegen.observers import FAMILIES
 
 CASES = [(f.name, layout) for f in OTHERS if family_of(f) == "filter" for layout in ("literal", "table", "loop")]
 CASES += [(f.name, "table") for f in OTHERS if f.name.startswith("quadrotor")]
-CASES += [("one input", "table"), ("no input, two outputs", "literal"), ("parameters", "table"), ("discrete", "loop"),
-          ("constant", "literal")]
+CASES += [("one input", "table"), ("no input, two outputs", "literal"), ("parameters", "table"), ("discrete", "loop")]
 CASES += [("disc_sensors_bank", "table"), ("dlpv bank", "loop")]
 CASES += [(f"sliding: {name}", layout) for name, layout in (("one input", "loop"), ("no input, two outputs", "table"))]
 folders = pytest.mark.parametrize("folder", OTHERS, ids=lambda f: f.name)

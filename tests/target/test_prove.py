@@ -119,8 +119,6 @@ OTHER_MUTANTS = {  # of a filter, a small mode estimator, driven framers: what o
     "a mean that grows": ("sliding", r"\(total - old\)", "(total + old)", "level"),
     "a bound that is not cut": ("sliding", r"result = limit;", "result = value;", "box_hi|is_finite"),
     "a step that reads what is not held": ("driven", r"held\.y\[i\] = s->y\[i\];", "", "initialized"),
-    "framers of a mode that is none": ("driven", r"held\.mode = q;", "held.mode = VALVE_MODES;", "valid_read"),
-    "framers of any size": ("driven", r"\(k\[\d+\] \* s", "(3e38F * s", "is_finite"),
     "S x without a beginning": ("driven", r"below\[i\] = 0\.0F;", "", "initialized"),
     "bits of modes that are none": ("driven", r"s->framed \|= \(uint32_t\)1U << q;", "s->framed |= 8U << q;",
                                     "s->framed")}
