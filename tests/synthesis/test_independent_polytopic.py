@@ -22,7 +22,8 @@ def checker():
     """The parts of the checker, in this process."""
     sys.path.insert(0, str(CHECKER.parent))
     try:
-        yield {name: __import__(f"independent_{name}") for name in ("polytopic", "pairs", "sector", "blend")}
+        yield {name: __import__(f"independent_{name}") for name in (
+            "polytopic", "pairs", "sector", "blend", "drift", "near")}
     finally:
         sys.path.remove(str(CHECKER.parent))
 
@@ -41,15 +42,14 @@ def run(checker):
         text, t, cert = data["plant"]["toml"], data["tables"][real], data["certificate"][real]
         if text not in plants:
             p = checker["sector"].read_plant(text)
-            plants[text] = p, checker["pairs"].Plant(p)
-            moved = plants[text][1].drift()
-            plants[text][1].drift = lambda: moved
-        p, plant = plants[text]
-        checker["blend"].check_weights(t, len(p["x"]) + len(p["u"]))
-        errors = checker["pairs"].Errors(plant, t, cert.get("energy", cert)["T1"])
+            plant = checker["pairs"].Plant(p)
+            plants[text] = p, plant, checker["drift"].Drift(plant)
+        p, plant, drift = plants[text]
+        shares = checker["blend"].check_weights(t, len(p["x"]) + len(p["u"]))
+        errors = checker["pairs"].Errors(plant, t, cert.get("energy", cert)["T1"], drift)
         if "energy" in cert:
             checker["polytopic"].check_energy(errors, cert, "state")
-        checker["polytopic"].check_thresholds(errors, p, cert["thresholds"])
+        checker["polytopic"].check_thresholds(errors, p, cert["thresholds"], shares)
 
     return all_of
 
@@ -72,6 +72,7 @@ def test_says_that_it_does_not_know_observers_of_faults(checker):
 
 def test_plants_are_those_of_the_project(checker):
     """Vertices, E and C of all plants that it reads: equations, factors of the file, tables of vertices."""
+    from codegen.assurance.polytopic_claims import read_apart
     from codegen.plant.load import gallery_folder, load
     read = 0
     for path in sorted(gallery_folder().glob("*.toml")):
@@ -82,6 +83,7 @@ def test_plants_are_those_of_the_project(checker):
             p = checker["sector"].read_plant(path.read_text())
         except SystemExit as stopped:
             assert stopped.code == 2 and path.stem in ("bioreactor", "digester", "disc_points"), path.stem
+            assert not read_apart(load(path)), path.stem
             continue
         read += 1
         assert len(p["vertices"]) == len(polytope.vertices)
@@ -92,6 +94,30 @@ def test_plants_are_those_of_the_project(checker):
         for key in ("E", "C"):
             assert [[float(a) for a in row] for row in p[key]] == getattr(polytope, key).tolist()
     assert read >= 4
+
+
+def test_says_which_plants_it_knows_between_samples(checker):
+    """What claims take it to know is what it knows; where it does, how far the plant moves is what the project finds."""
+    from codegen.assurance.polytopic_claims import read_apart
+    from codegen.certify.exact import rational
+    from codegen.certify.polytope_drift import drift
+    from codegen.certify.polytope_ranges import Ranges
+    from codegen.plant.load import load
+    from codegen.synthesis.descriptor_problem import problem_of
+    for name in ("disc", "disc_contact", "quadrotor", "dlpv"):
+        plant = load(name)
+        own = checker["pairs"].Plant(checker["sector"].read_plant(plant.text))
+        if not read_apart(plant):
+            with pytest.raises(SystemExit) as stopped:
+                checker["drift"].Drift(own)
+            assert stopped.value.code == 2 and name == "dlpv"
+            continue
+        found, problem = checker["drift"].Drift(own), problem_of(plant)
+        known = drift(plant, problem, Ranges.of(plant, problem), plant.sample_period)
+        for rows in (own.A[0], own.A[-1], checker["pairs"].unit(len(own.E))):
+            floats = [[float(a) for a in row] for row in rows]
+            assert [float(x) for x in found.of(rows)] == pytest.approx(
+                [float(x) for x in known.of(rational(floats))], rel=1e-6)
 
 
 T, C = ("tables", "float32"), ("certificate", "float32")
