@@ -55,11 +55,10 @@ def turned(count, k):
 
 def reaches(parts):
     """Largest magnitude of every row of a sum of (matrix, box of its signal)."""
-    out = []
+    boxes, out = [box for _, box in parts], []
     for rows in zip(*(M for M, _ in parts)):
-        boxes = [box for _, box in parts]
-        middle = sum((a * m for row, box in zip(rows, boxes) for a, (m, _) in zip(row, box)), F(0))
-        out.append(abs(middle) + sum((abs(a) * h for row, box in zip(rows, boxes) for a, (_, h) in zip(row, box)), F(0)))
+        pairs = [(a, m, h) for row, box in zip(rows, boxes) for a, (m, h) in zip(row, box)]
+        out.append(abs(sum((a * m for a, m, _ in pairs), F(0))) + sum((abs(a) * h for a, _, h in pairs), F(0)))
     return out
 
 
@@ -92,7 +91,7 @@ class Drift:
             def apart(i, k):
                 return reaches([(sub(A[i], A[k]), box) for A, box in ((self.SA, x), (SB, u))])
 
-            alike = all(M == SD[0] for M in SD)
+            alike = all(SD[0] == M for M in SD)
             noise = [sum((abs(a) * half for a, (_, half) in zip(row, d)), F(0)) for row in SD[0]] if alike else largest(
                 [[reach(row, d) for row in M] for M in SD])
             any_two = largest([apart(i, k) for i, k in combinations(range(h), 2)] or [[F(0)] * len(St)])

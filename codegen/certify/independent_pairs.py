@@ -17,6 +17,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parent))
 from independent import UNIT, exact, mul, rounding, sub  # noqa: E402 - stands beside this file
 
+
 def unit(n):
     """Identity."""
     return [[F(i == j) for j in range(n)] for i in range(n)]
