@@ -153,7 +153,7 @@ def test_what_does_not_apply_is_said():
 
 
 def test_the_first_method_that_certifies_is_taken():
-    """At .3 s no set is kept with Euler steps of an observer in continuous time; a recursion for that period has one."""
+    """No set is kept at .3 s with Euler steps of an observer in continuous time; a recursion for it has one."""
     plant, said = loads(CONTINUOUS.replace("sample_period = 0.02", "sample_period = 0.3")), []
     design = choose(plant, None, {"set_rows": 8}, said.append)
     assert design.method == "descriptor-discrete" and recheck(design)
