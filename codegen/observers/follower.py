@@ -32,13 +32,14 @@ from .mode_set import ModeSet, ModeState, image, pack_modes
 from .mode_tables import ModeTables
 from .point import PointTables, blind, centred, forward, residual
 from .runner import pack
+from .starts import StartObserver
 from .supervisor import Supervision, judge, undisturbed
 from .zonotope import ZonotopeObserver
 
 Array = np.ndarray
-#: Sets that start from any box at run time; those of tables start from the declared one.
+#: Sets that start from any box at run time; of tables those that are made for it.
 SETS = {"zonotope": ZonotopeObserver, "box": BoxObserver, "ellipsoid": EllipsoidObserver,
-        "ellipsoid_trace": EllipsoidTraceObserver}
+        "ellipsoid_trace": EllipsoidTraceObserver, "starts": StartObserver}
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class FollowerTables(ModeTables):
     ----------
     told : PointTables
         Of the observer that is told its mode.
-    set : {"zonotope", "box", "ellipsoid", "ellipsoid_trace"}
+    set : {"zonotope", "box", "ellipsoid", "ellipsoid_trace", "starts"}
         Its family.
     S_rounded : ndarray (n_x, n_x), xi_room : ndarray (n_x,)
         S in the type of the C, and what that and the product may lose.
@@ -71,6 +72,11 @@ class FollowerTables(ModeTables):
     def by_squares(self) -> bool:
         """Whether a set begins with squares of half widths."""
         return self.set.startswith("ellipsoid")
+
+    @property
+    def by_table(self) -> bool:
+        """Whether a set is a place in a table."""
+        return self.set == "starts"
 
     def to_dict(self) -> dict:
         """Return plain lists for design.json; every float is exact."""
@@ -233,6 +239,8 @@ class FollowerObserver(ModeObserver):
             shape = np.zeros((*half.shape, half.shape[1]), dtype=t.dtype)
             i = np.arange(half.shape[1])
             shape[:, i, i] = t.square * (half * half) + t.floor
+        elif t.by_table:
+            shape = self.inner.begun(t.told, half)
         else:
             shape = self.inner.whole(t.told, half)
         wide = (half > centred(t.told.x_lo, t.told.x_hi, t.dtype)[1]).any(axis=1)
