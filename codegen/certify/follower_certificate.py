@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import CertificateError
-from . import mode_certificate, set_claims
+from . import mode_certificate, set_claims, starts
 from .claims import check_ranges
 from .driven_certificate import check_joint
 from .exact import Q
@@ -51,7 +51,7 @@ def check(plant, t, cert: dict) -> list[str]:
             "a mode whose observer has its residual outside the set is ruled out, but for having begun within the last "
             "period; no switching makes the bounds grow without end: they are cut to the boxes of the mode estimator "
             "at every sample",
-            *others]
+            *[f"its set is {starts.words(t.told.shape)}"] * t.by_table, *others]
 
 
 def check_start(t) -> None:

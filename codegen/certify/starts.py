@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import CertificateError
 from .exact import rational
 from .set_bounds import prove_dwell
-from .thresholds import check_middle, claimed_rows, directions_of, emitted_rows, recursion, starts, table_words
+from .thresholds import check_middle, claimed_rows, directions_of, emitted_rows, recursion, starts
 
 Array = np.ndarray
 OF_A_MODE = ("M", "G", "L", "N", "d", "A", "B", "a", "C", "D", "c")
@@ -108,5 +108,12 @@ def check(modes, t, cert: dict) -> list[str]:
         raise CertificateError("certificate: the ultimate width is less than in the table's last rows.")
     return ["the residual lies within its thresholds from a start on while the mode is the same and no fault acts, "
             f"rounding included ({t.real}, with or without fused multiply-add)",
-            "x_lo <= x <= x_hi from a start on while the mode is the same and no fault acts", table_words(z),
+            "x_lo <= x <= x_hi from a start on while the mode is the same and no fault acts", f"the set is {words(z)}",
             f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], in one mode"]
+
+
+def words(z) -> str:
+    """A table, with what it takes of the flash."""
+    count = z.sizes.size + z.directions.size + z.h.size + z.hx.size
+    return (f"a table of {count} numbers ({count * z.h.itemsize} bytes of flash), by the size of the start, the mode "
+            f"and the samples since: {len(z.sizes)} sizes, and every error that is possible")

@@ -52,6 +52,7 @@ class FollowerView(ModeView):
     ``copies`` and ``words`` are vectors and words that are lent to the observer, ``carried`` the vectors that it
     gives back; ``squares`` (a factor) and ``turn`` have an entry where the set begins with squares, or with half widths
     in other coordinates. ``reads`` are arguments of the observer's bounds beside its state, where they are of a mode.
+    ``by_table`` starts a table from the declared range, ``again`` is when a table starts besides.
     """
 
     told: str
@@ -67,6 +68,8 @@ class FollowerView(ModeView):
     carried: tuple[Copy, ...]
     words: tuple[str, ...]
     reads: str
+    by_table: tuple[str, ...]
+    again: str
 
 
 def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts:
@@ -164,7 +167,8 @@ def _view(mode: ModeView, t, names: Names, vectors: tuple[Copy, ...], words: tup
         range=(*ranges, *turned), middle=literal(0.5, real), grow=literal(t.grow, real),
         floor=literal(t.floor, real), squares=(literal(t.square, real),) * t.by_squares, turn=turned, copies=vectors,
         carried=tuple(v for v in vectors if v.name in ("x_hat", "shape")), words=words,
-        reads="&given, " * t.by_table)
+        reads="&given, " * t.by_table, by_table=(f"{names.prefix}_told_set_box(&held, widest);",) * t.by_table,
+        again=" || (!measured) || (s->measured == 0U)" * t.by_table)
 
 
 def _more(t) -> Operations:

@@ -8,7 +8,15 @@ import numpy as np
 
 from ..observers.point import centred
 from ..observers.zonotope import set_work
-from . import block_parts, box_parts, ellipsoid_parts, ellipsoid_trace_parts, schedule_parts, start_parts, threshold_parts
+from . import (
+    block_parts,
+    box_parts,
+    ellipsoid_parts,
+    ellipsoid_trace_parts,
+    schedule_parts,
+    start_parts,
+    threshold_parts,
+)
 from .cprint import initialiser, literal, macro_names
 from .families import Member, Word, mode_word, state_layout
 from .layouts import lay_out

@@ -7,8 +7,8 @@ how long ago that was; no dwell time is needed::
     1  a start of half widths d: the smallest of the listed sizes that holds d, the last row of sizes where none does
     2  |x - x_hat| <= hx[size, q, since],  alarm where |d_i' r| > h[size, q, since, i]
 
-The last size holds every error that is possible while x and the estimate are in their boxes: after a missing sample, and
-where the estimate has left its box.
+The last size holds every error that is possible while x and the estimate are in their boxes: after a missing sample,
+and where the estimate has left its box.
 """
 
 from __future__ import annotations

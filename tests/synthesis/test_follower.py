@@ -234,7 +234,8 @@ def test_tampering_is_caught(place, words):
 
 
 @pytest.mark.parametrize("old, new, words", [
-    ("known = false", "known = true", "ages|modes"), ("order     = 8", 'tables    = "arbitrary"', 'expected "none" or "dwell"'),
+    ("known = false", "known = true", "ages|modes"),
+    ("order     = 8", 'tables    = "arbitrary"', 'expected "none" or "dwell"'),
     ("minimum_dwell = 1 ", "# ", "cannot be found there: no dwell time is declared")])
 def test_refusals(old, new, words):
     text = load("fan").text.replace(old, new).replace("[observer]", '[observer]\nmodes = "set"')

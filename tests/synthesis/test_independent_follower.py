@@ -111,7 +111,8 @@ def test_changed_c_is_refused(checker):
 
 
 TABLE_CHANGES = (  # of the C of the table: sizes of a start, and what it is compared with
-    (r"(start\[\w+\]\[\w+\] = \{\s*\{ )2\.25", r"\g<1>3.5"), (r"(width(?:\[\w+\])+ = \{\s*\{\s*\{\s*\{ )2\.25", r"\g<1>1.5"),
+    (r"(start\[\w+\]\[\w+\] = \{\s*\{ )2\.25", r"\g<1>3.5"),
+    (r"(width(?:\[\w+\])+ = \{\s*\{\s*\{\s*\{ )2\.25", r"\g<1>1.5"),
     (r"(threshold(?:\[\w+\])+ = \{\s*\{\s*\{\s*\{ )4", r"\g<1>3"))
 
 
