@@ -33,7 +33,7 @@ def signals(design, name, real, runs=6, steps=40):
 
 @pytest.mark.parametrize("name, real, layout, supervision", [
     ("box", "float64", "loop", GUARDED), ("ellipsoid", "float32", "table", None),
-    ("table", "float32", "loop", GUARDED)])
+    ("table", "float32", "loop", GUARDED), ("table", "float64", "literal", None)])
 def test_c_equals_the_reference(name, real, layout, supervision, tmp_path):
     design = stand_in(name, supervision)
     u, y, q = signals(design, name, real)
