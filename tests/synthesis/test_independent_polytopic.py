@@ -198,13 +198,14 @@ def test_near_weights_are_those_of_powers_that_the_c_cuts_to_their_bounds(checke
     assert stopped.value.code == 2
 
 
-#: The tank beside another one that its pump stirs: premises are the square of a state and an input.
+#: The tank beside another one that its pump stirs: premises are the square of a state, named with a sign, and an input.
 TWO_TANKS = {
     'x = [{ name = "level", range = [0, 2] }]':
         'x = [{ name = "level", range = [0, 2] }, { name = "other", range = [-1, 1] }]',
     "x_lo = [0.5]": "x_lo = [0.5, 0]", "x_hi = [0.5]": "x_hi = [0.5, 0]", "C = [[1]]": "C = [[1, 0]]",
     "E = [[1]]": "E = [[1, 0], [0, 1]]", '["0.5*level + 0.1*level**2 + 0.1*pump"]':
-        '["0.4*level + 0.05*level**3 + 0.02*other + 0.1*pump", "0.3*other + 0.1*pump*other"]'}
+        '["0.4*level + 0.05*level**3 + 0.02*other + 0.1*pump", "0.3*other + 0.1*pump*other"]\n'
+        'premise = [{ name = "square", term = "-2*level**2" }]'}
 
 
 def test_weights_of_two_premises_one_of_them_an_input(run, checker):
@@ -219,7 +220,7 @@ def test_weights_of_two_premises_one_of_them_an_input(run, checker):
     K = np.tile([[-0.25], [0.0]], (len(A), 1, 1))
     t = tables_of(plant, StandardGains(np.zeros((2, 1)), A, B, K, problem.C), np.eye(1), "float32")
     t, cert = frozen(plant, problem, t, np.eye(2), None)
-    assert [str(q.term) for q in plant.polytope.premises] == ["level**2", "pump"] and len(cert["near"]["sees"]) == 2
+    assert [str(q.term) for q in plant.polytope.premises] == ["-2*level**2", "pump"] and len(cert["near"]["sees"]) == 2
     data = json.loads(json.dumps({"plant": {"toml": text}, "tables": {"float32": t.to_dict()}, "certificate": {
         "float32": {"T1": np.eye(2).tolist(), "thresholds": cert}}}))
     run(data)
