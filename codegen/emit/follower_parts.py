@@ -88,7 +88,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     """
     m, real, (x, u, y, _) = names.macro, names.real_type, signals
     own = mode_parts.parts("mode", t, s, names, signals, layout)
-    inner = replace(names, prefix=f"{names.prefix}_told", macro=f"{m}_TOLD", checked=True)
+    inner = inner_names(names)
     told = point_parts.parts(t.set, t.told, Supervision(), inner, signals, layout)
     shape = next(count for name, count in told.lengths if name == "NSHAPE")
     sizes = {"x_hat": (f"{m}_NX", len(x)), "u": (f"{m}_NU", len(u)), "y": (f"{m}_NY", len(y)),
@@ -117,6 +117,11 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
                    self_test="harness/test_follower.c.jinja", state=state, out_fields=out,
                    operations=own.operations + told.operations + _more(t), sets=(view,),
                    lengths=(*own.lengths, ("NTOLD", shape)))
+
+
+def inner_names(names: Names) -> Names:
+    """Names of the inner C, which is given a mode that has been checked."""
+    return replace(names, prefix=f"{names.prefix}_told", macro=f"{names.macro}_TOLD", checked=True)
 
 
 def _inner(told: Parts, t, inner: Names, names: Names, signals: tuple) -> InnerView:

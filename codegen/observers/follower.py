@@ -119,7 +119,6 @@ class FollowerObserver(ModeObserver):
     family = "follower"
     tables_class = FollowerTables
     trace_class = FollowerTrace
-    stated = False
 
     def start(self, t: FollowerTables, runs: int, x0_lo: Array | None = None, x0_hi: Array | None = None) -> None:
         """Set all runs to the initial box (``<p>_init``)."""
