@@ -1,10 +1,10 @@
 """Where every constant stands in the C of filters, mode estimators and what they drive, polytopic observers and banks.
 
 The maps of a filter, of driven framers and of a point observer that follows are executed with symbols, as those of
-framers are (``places``); sums of polytopic observers and of banks are read one by one. All the rest, and mode estimators whole, is the same text for all
-numbers: its tables are read number for number, and all that is no number must be the tree of the C as it is printed
-anew, as with the sets of point observers (``point_places``). Directives of the preprocessor are no part of the tree:
-they are compared line by line, and numbers that they define are read.
+framers are (``places``); sums of polytopic observers and of banks are read one by one. All the rest, and mode
+estimators whole, is the same text for all numbers: its tables are read number for number, and all that is no number
+must be the tree of the C as it is printed anew, as with the sets of point observers (``point_places``). Directives of
+the preprocessor are no part of the tree: they are compared line by line, and numbers that they define are read.
 """
 
 from __future__ import annotations

@@ -53,8 +53,8 @@ ABOUT_POLYTOPIC = ("operation rounded and once exact. What they may differ by is
 ABOUT_DRIVEN = ("operation rounded and once exact. What they may differ by is the margin: of the framers what their",
                 "offsets leave over, of the boxes what they gain for the rounding of this sum. All layouts calculate",
                 "these sums: a")
-ABOUT_FOLLOWER = ("operation rounded and once exact. What they may differ by is the margin: of the estimate what the set",
-                  "of errors gets, of the boxes what they gain for the rounding of this sum. All layouts calculate",
+ABOUT_FOLLOWER = ("operation rounded and once exact. What they may differ by is the margin: of the estimate what the",
+                  "set of errors gets, of the boxes what they gain for the rounding of this sum. All layouts calculate",
                   "these sums: a")
 OWN = r"\bm_(?=\d)"  # max(-x_lo, x_hi) of framers; boxes have one, too
 LAST = "Last in a residual the measurement is subtracted: that keeps the sign, which is what an alarm looks at."
