@@ -8,12 +8,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers import banks, driven, small_sliding
+from helpers import banks, driven, follower, small_sliding
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import stand_in
 
+from codegen.assurance import follower_claims
 from codegen.assurance.c_reader import blank
 from codegen.assurance.claims import OWN, claims
+from codegen.assurance.driven_claims import joined
 from codegen.assurance.places import constants
 from codegen.designs import read_design
 from codegen.emit.package import firmware
@@ -25,6 +27,8 @@ CASES += [(f.name, "table") for f in OTHERS if f.name.startswith("quadrotor")]
 CASES += [("one input", "table"), ("no input, two outputs", "literal"), ("parameters", "table"), ("discrete", "loop")]
 CASES += [("disc_sensors_bank", "table"), ("dlpv bank", "loop")]
 CASES += [(f"sliding: {name}", layout) for name, layout in (("one input", "loop"), ("no input, two outputs", "table"))]
+CASES += [("fan_zonotope", "table"), ("follower: box", "loop"), ("follower: ellipsoid", "table"),
+          ("follower: trace", "literal")]
 folders = pytest.mark.parametrize("folder", OTHERS, ids=lambda f: f.name)
 
 
@@ -34,6 +38,8 @@ def design_of(name):
         return banks.design()
     if name.startswith("sliding: "):
         return small_sliding.stand_in(name.removeprefix("sliding: "))
+    if name.startswith("follower: "):
+        return follower.stand_in(name.removeprefix("follower: "))
     if "_" in name:
         return read_design(next(f for f in OTHERS if f.name == name))
     return driven.stand_in(name) if name in driven.PLANTS else stand_in(name, 3)
@@ -97,6 +103,13 @@ CHANGED = {
         ("_SHARE 0.8F", "_SHARE 0.7F"), ("#define ZAMMALI_MODES_SMOOTH 0.5F", ""), ("_TURN 51.3125F", "_TURN 51.3125"),
         ("#define ZAMMALI_MODES_PULL", "#define else\n#define ZAMMALI_MODES_PULL"), ("root = 0.5F *", "root = 0.25F *"),
         ("(most + v_hi[i])", "(most - v_hi[i])"), ("s->age == ZAMMALI_MODES_BLANK", "s->age != ZAMMALI_MODES_BLANK")),
+    "follower: box": (
+        ("held->mode = s->followed;", "held->mode = 0U;"), ("typedef valve_real valve_told_real;",
+                                                            "typedef double valve_told_real;"),
+        ("-told_limit[i]) ?", "told_limit[i]) ?"), ("s->alive[q] &= 1U;", ""), ("x_hat[i] - lo[i]", "x_hat[i]"),
+        ("(half[i] > widest[i])", "(half[i] < widest[i])"), ("above[i] + xi_room[i]", "above[i]"),
+        ("* 1.0000005F)", "* 1.0000004F)"), ("(0.5F * lo[i])", "(0.25F * lo[i])"), ("(age == 0U) && (q ==", "(q =="),
+        ("s->followed = VALVE_MODES;", "s->followed = 0U;"), ("valve_told_cut(out->x_hat);", "")),
     "parameters": (
         ("(M_0_1 * s->x_lo[1]) - apart_0", "(M_0_1 * s->x_hi[1]) - apart_0"), ("th_0 = s->theta[0]", "th_0 = s->u[0]"),
         ("+ (k[10] * a_0)", "+ (k[11] * a_0)"), ("valve_cut_x(out->x_lo, out->x_hi);\n}", "}"),
@@ -139,6 +152,9 @@ def spoilt(design, where, key, change):
         t = replace(t, **{key: new if key == "law" else new.astype(getattr(t, key).dtype)})
     elif where == "told":
         t = replace(t, told=replace(t.told, **{key: change(getattr(t.told, key)).astype(t.dtype)}))
+    elif where == "set":
+        own = t.told.shape
+        t = replace(t, told=replace(t.told, shape=replace(own, **{key: change(getattr(own, key)).astype(t.dtype)})))
     elif where == "start":
         t = replace(t, start=change(t.start))
     else:
@@ -221,6 +237,18 @@ FALSE = {
             ("d_hi", 0.99, "framers: offset d"), ("a_lo", 0.99, "framers: offset a"), ("M_lo", 1.01, "framers: off"),
             ("box", 0.99, "ranges of x|state box"), ("y_hi", 0.99, "y_hi"))),
         ("certificate", "worst", lambda k: k - 1, "identified: worst delay")),
+    "follower": (
+        *(("tables", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("grow", 0.9999, "followed: factor of a half width"), ("square", 0.99, "followed: factor of its square"),
+            ("floor", 0.1, "followed: least half width"), ("reach", 0.5, "reach of mode"), ("xi_room", 0.05, "xi_room"),
+            ("start_hi", 0.999, "start"))),
+        *(("told", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("L", 1.01, "followed: e beyond"), ("limit", 0.4, "limit beyond|e beyond"), ("x_hi", 0.9, "ranges of x"),
+            ("box", 0.6, "box beyond|e beyond"), ("y_hi", 0.99, "y_hi"))),
+        *(("set", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("e", 0.5, "followed: e beyond|followed: inside"), ("rho", 0.9, "followed: rho beyond"),
+            ("F", 1.1, "followed: e beyond"), ("spread", 0.9, "followed: spread"))),
+        ("certificate", "worst", lambda k: k - 1, "identified: worst delay")),
 }
 
 
@@ -231,6 +259,23 @@ def test_margins_refuse_what_does_not_hold(family):
     for where, key, change, words in FALSE[family]:
         with pytest.raises(CertificateError, match=words):
             claims(spoilt(design, where, key, change), "float32")
+
+
+#: A field of the set that is told its mode, made less, by case; what its margin is called.
+LESS = {"box": ("g", "alarm", "g beyond"), "ellipsoid": ("H", "alarm", "smallest pivot"),
+        "trace": ("scale", "state", "scale beyond"), "zonotope": ("e", "alarm", "e beyond")}
+
+
+@pytest.mark.parametrize("name", LESS)
+def test_every_set_that_follows_has_its_margins(name):
+    design, real = follower.stand_in(name), "float32"
+    (key, part, words), cert = LESS[name], follower.told(name, real)[1]
+    t, wrong = design.observer.tables[real], spoilt(design, "set", key, lambda x: x * np.float32(0.9))
+    held = follower_claims.held_by_set(design.plant, t, cert)
+    every = [*follower_claims.starts(t), *joined(t, "observer"), *(m for ms in held.values() for m in ms)]
+    assert len(every) > 9 and all(m.holds for m in every)
+    less = follower_claims.held_by_set(design.plant, wrong.observer.tables[real], cert)[part]
+    assert any(not m.holds and words in m.what for m in less)
 
 
 @folders

@@ -6,6 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from codegen.observers.point import centred
+
 
 def every_number_of_the_family(t, found, modes):
     """All arrays of the tables but S and the ranges of x where the C has none; of pairs of modes no diagonal.
@@ -58,6 +60,16 @@ def every_number_of_driven(t, found, modes):
     every_number_of_the_family(SimpleNamespace(**own, **joint), rest, modes)
 
 
+def every_number_of_follower(t, found, modes):
+    """Those of the observer that is told its mode, of the estimator, and of what joins them."""
+    told = {(key[0].removeprefix("told_"), *key[1:]): v for key, v in found.items() if key[0].startswith("told_")}
+    every_number_of_a_set(t.told, told, modes, ("box",))
+    own = {k: v for k, v in vars(t).items() if k not in ("S", "S_rounded", "told") and (k != "square" or t.by_squares)}
+    joint = {"forth": t.S_rounded, "widest": centred(t.told.x_lo, t.told.x_hi, t.dtype)[1]}
+    every_number_of_the_family(SimpleNamespace(**own, **joint), {
+        key: v for key, v in found.items() if not key[0].startswith("told_")}, modes)
+
+
 def every_number_of_a_bank(t, found):
     """All numbers of all members, thresholds, limits, weights and ranges of the input check, and none beside."""
     expected = {("rate", ""): t.rate} | {("weights", "", k): c for k, c in enumerate(t.weights.constants)}
@@ -71,11 +83,11 @@ def every_number_of_a_bank(t, found):
     assert found == expected
 
 
-def every_number_of_a_set(t, found, modes):
+def every_number_of_a_set(t, found, modes, beside=("box", "u_lo", "u_hi", "y_lo", "y_hi")):
     """Estimate, set, box and input checks, each entry with its value; fields with equal numbers have one name."""
     stems = {key[0] for key in found}
     printed = [k for k in vars(t.shape) if k not in getattr(t.shape, "unprinted", ())]
-    for name in (*"MGLNdABaCDc", "box", "u_lo", "u_hi", "y_lo", "y_hi", *printed):
+    for name in (*"MGLNdABaCDc", *beside, *printed):
         value = getattr(t.shape, name) if name in vars(t.shape) else getattr(t, name)
         stem = f"{name} of the set" if name in vars(t) and name in vars(t.shape) else name
         if stem not in stems or not isinstance(value, np.ndarray):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import driven, small_sliding
+from helpers import driven, follower, small_sliding
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import PLANTS, stand_in
 from target.test_gappa import REALS, evaluate, fraction, script_of
@@ -16,10 +16,12 @@ from codegen.certify.exact import Q
 from codegen.certify.fault_bounds import slips
 from codegen.certify.filter_model import joint, rounding_of
 from codegen.certify.polytope_rounding import rounding as rounding_bounds
+from codegen.certify.sets import SetDemands
 from codegen.designs import read_design
 from codegen.observers.filter import add_terms
 from codegen.observers.framer import open_loop, propagate, scheduled
 from codegen.observers.mode_set import ModeSet, affine, image
+from codegen.observers.point import blind, forward, residual
 from codegen.observers.polytopic_step import evaluate as evaluate_program
 from codegen.observers.polytopic_step import step
 from codegen.observers.sliding import carried
@@ -196,3 +198,38 @@ def test_script_of_driven_framers_is_about_the_sums_of_the_reference(plant, real
     known = {f"{prefix}_{name}" for name in (*expected, *own)}
     assert known <= set(names) and all(re.search(r"_(theta|L|residual)_", name) for name in set(names) - known)
     agree(text, prefix, own, values, real)
+
+
+@pytest.mark.parametrize("name, real", [("zonotope", "float32"), ("box", "float64"), ("ellipsoid", "float64"),
+                                        ("trace", "float32")])
+def test_script_of_an_observer_that_follows_is_about_the_sums_of_the_reference(name, real):
+    """Boxes as of an estimator; the estimate of every mode, which has what its set holds for it; and S x."""
+    design, rng = follower.stand_in(name), np.random.default_rng(7)
+    names, expected, values, text, prefix = boxes_of(design, real, rng)
+    agree(text, prefix, expected, values, real)
+    t = design.observer.tables[real]
+    told = t.told
+    x, x_lo, x_hi = rng.uniform(-told.box, told.box, (3, 1, len(told.box))).astype(real)
+    u, y, y_next = (rng.uniform(a, b, (1, len(a))).astype(real) for a, b in (
+        (t.u_lo, t.u_hi), (t.y_lo, t.y_hi), (t.y_lo, t.y_hi)))
+    values |= {f"{s}_{j}": a for s, row in (("s_x_hat", x), ("out_x_hat", x), ("s_u", u), ("in_u", u), ("s_y", y),
+                                            ("in_y", y_next), ("s_told_lo", x_lo), ("s_told_hi", x_hi))
+               for j, a in enumerate(row[0])}
+    below, above = image(t.S_rounded, x_lo[0], x_hi[0], np.zeros(len(t.S), real))
+    own = {f"narrowed_{side}_{i}": v for side, row in (("lo", below - t.xi_room), ("hi", above + t.xi_room))
+           for i, v in enumerate(row)}
+    agree(text, prefix, own, values, real)
+    uncut, demands, checked = replace(told, box=told.box * 0 + np.inf), SetDemands(design.plant.modes, told), set()
+    for modes, row, which, i in re.findall(
+            rf'(?m)^# .*, mode (.*): margin .*\n({prefix}_told_(\w+?)_(\d+)_mode_\d+) r=$', text):
+        margin = Q(float.fromhex(re.search(rf"exact_{row}\| <= (\S+)", text)[1]))
+        for q in (q for q, mode in enumerate(design.plant.modes) if f'"{mode.name}"' in modes):
+            p = np.array([q])
+            result = {"forward": lambda p: forward(uncut, p, x, u, y, y_next), "blind": lambda p: blind(uncut, p, x, u),
+                      "residual": lambda p: residual(told, p, x, u, y_next)}[which](p)
+            assert evaluate(text, row, values, np.dtype(real).type) == result[0, int(i)], row
+            assert 0 <= margin <= demands.rounding(q, which)[int(i)]
+            checked.add((q, which, i))
+    assert len(checked) == len(design.plant.modes) * (2 * len(told.box) + len(t.y_lo))
+    others = {n for n in names if not n.startswith(f"{prefix}_told_")}
+    assert others == {f"{prefix}_{n}" for n in (*expected, *own)}
