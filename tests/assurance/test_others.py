@@ -149,7 +149,7 @@ def spoilt(design, where, key, change):
     t, cert = design.observer.tables["float32"], design.certificate["float32"]
     if where == "tables":
         new = change(getattr(t, key))
-        t = replace(t, **{key: new if key == "law" else new.astype(getattr(t, key).dtype)})
+        t = replace(t, **{key: new if key == "law" else np.asarray(new, getattr(t, key).dtype)})
     elif where == "told":
         t = replace(t, told=replace(t.told, **{key: change(getattr(t.told, key)).astype(t.dtype)}))
     elif where == "set":
