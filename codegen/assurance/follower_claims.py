@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from ..certify import follower_certificate, set_claims
-from ..observers.follower import SETS
-from ..observers.supervisor import Supervision
 from . import mode_claims, point_claims, point_margins
 from .driven_claims import joined
 from .margins import Margin
@@ -82,7 +80,6 @@ def starts(t) -> list[Margin]:
 def ranges(design, t, cert: dict, build: type, checks: tuple):
     """State where the boxes start, and the set that knows nothing but the declared range."""
     boxes = mode_claims.ranges(design, t, cert, build, checks)
-    runner = SETS[t.set]({t.real: t.told}, Supervision())
-    whole = point_margins.starts({"x": design.plant.limits("x")}, t.told, runner)
+    whole = point_margins.starts({"x": design.plant.limits("x")}, t.told, t.alone)
     return replace(boxes, words=f"{boxes.words} So is the set that a start has which is wider than the declared range.",
                    constants=(*boxes.constants, "told_x_hat", "told_x_set"), margins=(*boxes.margins, *whole))

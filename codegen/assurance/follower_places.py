@@ -8,9 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..observers.follower import SETS
-from ..observers.point import centred
-from ..observers.supervisor import Supervision
 from .c_reader import Source
 from .point_places import READ_BY_MAPS, TOGETHER, known_of, read_cut, read_starts, read_tables, require_all
 
@@ -37,7 +34,7 @@ def read_told(source: Source, design, d, t, read_apart: set[str], found) -> set[
     """
     prefix, told, part = f"{d.prefix}_told", t.told, found.part("told_")
     functions = {name for name in source.functions if name.startswith(f"{prefix}_")}
-    known = known_of(SETS[t.set]({t.real: told}, Supervision()), told)
+    known = known_of(t.alone, told)
     known = {k: v for k, v in known.items() if k not in ("x0_hat", "x0_set")}
     start = "whole_range"
     read_starts(source, prefix, known, part, ((start, "x_hat"),))
@@ -63,4 +60,4 @@ def joint_of(t) -> dict[str, np.ndarray]:
     """
     turned = {"turn": t.told.shape.Z} if not t.by_squares and getattr(t.told.shape, "turned", False) else {}
     return {"forth": t.S_rounded, "told_box": t.told.box, "x_lo": t.x_lo, "x_hi": t.x_hi,
-            "widest": centred(t.told.x_lo, t.told.x_hi, t.dtype)[1], **turned}
+            "widest": t.widest, **turned}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ..observers.point import centred
 from ..observers.supervisor import Supervision
 from . import mode_parts, point_parts
 from .cprint import initialiser, literal
@@ -159,7 +158,7 @@ def _view(mode: ModeView, t, names: Names, vectors: tuple[Copy, ...], words: tup
     turned = () if t.by_squares or not getattr(t.told.shape, "turned", False) else (Table(
         "turn", f"[{m}_NX][{m}_NX]", (), tuple(f"{initialiser(row, real)}," for row in t.told.shape.Z)),)
     ranges = tuple(vector(name, values) for name, values in (
-        ("least", t.x_lo), ("most", t.x_hi), ("widest", centred(t.told.x_lo, t.told.x_hi, t.dtype)[1])))
+        ("least", t.x_lo), ("most", t.x_hi), ("widest", t.widest)))
     size = Size("NTOLD", f"{shape}U", "numbers of the error set")
     return FollowerView(
         **vars(mode) | {"sizes": (*mode.sizes, size)}, told=inner,
@@ -176,4 +175,4 @@ def _more(t) -> Operations:
     return Operations(multiply=2 * n * n * (1 + hulls * ages) + 4 * n + n * n,
                       add=2 * n * n * (1 + hulls * ages) + 2 * n * (1 + hulls * ages) + 4 * ages * n + 5 * n + n * n,
                       compare=n * n * (1 + hulls * ages) + 2 * n * hulls * (ages + 1) + 3 * ages * n + 2 * n * n_modes
-                      + 9 * n)
+                      + 11 * n)

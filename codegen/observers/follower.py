@@ -30,7 +30,7 @@ from .ellipsoid_trace import EllipsoidTraceObserver
 from .mode_observer import ModeObserver, ModeTrace, expected, merged
 from .mode_set import ModeSet, ModeState, image, pack_modes
 from .mode_tables import ModeTables
-from .point import PointTables, blind, centred, forward, residual
+from .point import PointObserver, PointTables, blind, centred, forward, residual
 from .runner import pack
 from .supervisor import Supervision, judge, undisturbed
 from .zonotope import ZonotopeObserver
@@ -71,6 +71,16 @@ class FollowerTables(ModeTables):
     def by_squares(self) -> bool:
         """Whether a set begins with squares of half widths."""
         return self.set.startswith("ellipsoid")
+
+    @property
+    def widest(self) -> Array:
+        """Half widths of the observer's range (n_x,): a start that is wider is the whole range."""
+        return centred(self.told.x_lo, self.told.x_hi, self.dtype)[1]
+
+    @property
+    def alone(self) -> PointObserver:
+        """The observer that is told its mode, by itself."""
+        return SETS[self.set]({self.real: self.told}, Supervision())
 
     def to_dict(self) -> dict:
         """Return plain lists for design.json; every float is exact."""
@@ -124,7 +134,7 @@ class FollowerObserver(ModeObserver):
         """Set all runs to the initial box (``<p>_init``)."""
         super().start(t, runs, x0_lo, x0_hi)
         n_modes, n, n_u, n_y = t.sizes
-        self.inner = SETS[t.set]({t.real: t.told}, Supervision())
+        self.inner = t.alone
         self.followed = np.full(runs, n_modes)
         self.x_hat = np.zeros((runs, n), dtype=t.dtype)
         self.set = self.inner.whole(t.told, self.x_hat)  # not read before it starts
@@ -201,7 +211,7 @@ class FollowerObserver(ModeObserver):
         x, shape, origin, radius = self.settled(told, p, x, shape, origin, radius)
         r = residual(told, p, x, u, y)
         outside = self.inner.judged(told, p, origin, shape, r)[1].any(axis=1) & measured & kept
-        own = np.maximum(x - radius, -told.box), np.minimum(x + radius, told.box)
+        own = np.clip(x - radius, -told.box, told.box), np.clip(x + radius, -told.box, told.box)
         now.alive[rows, p] &= ~(outside[:, None] & older)
         narrow(t, now, rows, p, kept, *own)
         kept = kept & (now.alive[rows, p] & older).any(axis=-1)
@@ -234,7 +244,7 @@ class FollowerObserver(ModeObserver):
             shape[:, i, i] = t.square * (half * half) + t.floor
         else:
             shape = self.inner.whole(t.told, half)
-        wide = (half > centred(t.told.x_lo, t.told.x_hi, t.dtype)[1]).any(axis=1)
+        wide = (half > t.widest).any(axis=1)
         return chosen(wide, self.anywhere(t.told, len(x)), (x, shape, np.full(len(x), t.told.origins - 1)))
 
     def reset(self, t: FollowerTables, on: Array) -> None:

@@ -1371,8 +1371,8 @@ static void fan_move(fan_state *s, const fan_in *in, uint32_t q, bool measured)
     fan_take(s, &held);
     for (uint32_t i = 0U; i < FAN_NX; i++)
     {
-        s->told_lo[i] = (own.x_lo[i] < -told_limit[i]) ? -told_limit[i] : own.x_lo[i];
-        s->told_hi[i] = (own.x_hi[i] > told_limit[i]) ? told_limit[i] : own.x_hi[i];
+        s->told_lo[i] = fan_told_clip(own.x_lo[i], -told_limit[i], told_limit[i]);
+        s->told_hi[i] = fan_told_clip(own.x_hi[i], -told_limit[i], told_limit[i]);
     }
     fan_narrow(s, q);
     fan_hull(s, q, s->alive[q] & FAN_ANY_AGE & ~(uint32_t)1U, own.x_lo, own.x_hi);

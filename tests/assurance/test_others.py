@@ -106,7 +106,7 @@ CHANGED = {
     "follower: box": (
         ("held->mode = s->followed;", "held->mode = 0U;"), ("typedef valve_real valve_told_real;",
                                                             "typedef double valve_told_real;"),
-        ("-told_limit[i]) ?", "told_limit[i]) ?"), ("s->alive[q] &= 1U;", ""), ("x_hat[i] - lo[i]", "x_hat[i]"),
+        ("x_lo[i], -told_limit", "x_lo[i], told_limit"), ("s->alive[q] &= 1U;", ""), ("x_hat[i] - lo[i]", "x_hat[i]"),
         ("(half[i] > widest[i])", "(half[i] < widest[i])"), ("above[i] + xi_room[i]", "above[i]"),
         ("* 1.0000005F)", "* 1.0000004F)"), ("(0.5F * lo[i])", "(0.25F * lo[i])"), ("(age == 0U) && (q ==", "(q =="),
         ("s->followed = VALVE_MODES;", "s->followed = 0U;"), ("valve_told_cut(out->x_hat);", "")),
