@@ -111,7 +111,7 @@ def harness(design, d: DesignView) -> HarnessView:
                   for f in d.state_fields)
     most = tuple(initialiser(numbers[f.name][1], d.real) if f.name in numbers else
                  _words(words[f.name], counts.get(f.size)) for f in d.state_fields)
-    apart = [f.name for f in d.state_fields if f.name in ("phase", "followed") or (f.name == "mode" and not d.sets)]
+    apart = [f.name for f in d.state_fields if f.name in ("mode", "phase") and not (d.sets and f.name == "mode")]
     return HarnessView(
         interval=INTERVAL[d.real], least=least, most=most,
         numbers=_places(d, [f for f in d.state_fields if f.name in numbers and f.name not in own.numbers]),

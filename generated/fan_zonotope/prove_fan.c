@@ -429,14 +429,11 @@ static void calls(void)
     fan_state s;
     fan_in in;
 
-    for (uint32_t followed = 0U; followed < 3U; followed++)
     {
         any_input(&in);
         any_state(&s);
-        s.followed = followed;
         one_step(&s, &in);
         any_state(&s);
-        s.followed = followed;
         one_predict(&s, &in);
     }
 }

@@ -27,8 +27,9 @@ CASES += [(f.name, "table") for f in OTHERS if f.name.startswith("quadrotor")]
 CASES += [("one input", "table"), ("no input, two outputs", "literal"), ("parameters", "table"), ("discrete", "loop")]
 CASES += [("disc_sensors_bank", "table"), ("dlpv bank", "loop")]
 CASES += [(f"sliding: {name}", layout) for name, layout in (("one input", "loop"), ("no input, two outputs", "table"))]
-CASES += [("fan_zonotope", "table"), ("follower: box", "loop"), ("follower: ellipsoid", "table"),
-          ("follower: trace", "literal")]
+KINDS = [(*case, real) for case in CASES for real in ("float32", "float64")]
+KINDS += [("follower: box", "loop", "float64"), ("follower: ellipsoid", "table", "float32"),
+          ("follower: trace", "literal", "float64")]
 folders = pytest.mark.parametrize("folder", OTHERS, ids=lambda f: f.name)
 
 
@@ -57,8 +58,7 @@ def test_every_family_of_its_own_is_walked():
     assert {family_of(f) for f in OTHERS} == set(OWN) and set(OWN) <= set(FAMILIES)
 
 
-@pytest.mark.parametrize("real", ["float32", "float64"])
-@pytest.mark.parametrize("name, layout", CASES)
+@pytest.mark.parametrize("name, layout, real", KINDS)
 def test_constants_are_found_in_every_kind_of_c(name, layout, real):
     text, _, found = printed(name, layout, real)
     lines = text.splitlines()
@@ -104,7 +104,7 @@ CHANGED = {
         ("#define ZAMMALI_MODES_PULL", "#define else\n#define ZAMMALI_MODES_PULL"), ("root = 0.5F *", "root = 0.25F *"),
         ("(most + v_hi[i])", "(most - v_hi[i])"), ("s->age == ZAMMALI_MODES_BLANK", "s->age != ZAMMALI_MODES_BLANK")),
     "follower: box": (
-        ("held->mode = s->followed;", "held->mode = 0U;"), ("typedef valve_real valve_told_real;",
+        ("held->mode = q;", "held->mode = 0U;"), ("typedef valve_real valve_told_real;",
                                                             "typedef double valve_told_real;"),
         ("x_lo[i], -told_limit", "x_lo[i], told_limit"), ("s->alive[q] &= 1U;", ""), ("x_hat[i] - lo[i]", "x_hat[i]"),
         ("(half[i] > widest[i])", "(half[i] < widest[i])"), ("above[i] + xi_room[i]", "above[i]"),
