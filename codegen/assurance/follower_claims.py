@@ -64,6 +64,11 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
         "limit; a half width beyond its limit starts the set again from the declared range, which the limit holds",
         [*held["alarm"], *joined(t, "observer"), *held["bounded"]], code, (*every, *JOINT),
         (*own, "rounding", "prove", "validation"))
+    if t.by_table:
+        yield "its set is a table", claim(
+            "table", "A start takes the smallest listed size that holds its half widths, the part for every error "
+            "where none does, and counts samples while the mode stays.", alarm, held["alarm"], code, every,
+            (*own, "validation", "target"))
     yield from others
 
 

@@ -114,6 +114,11 @@ def thresholds(t, members: dict[str, str]) -> Ranges:
     return Ranges({}, {"stage": len(t.shape.h) - 1, "since": t.shape.cap}, ())
 
 
+def begun(t, members: dict[str, str]) -> Ranges:
+    """Size of the start, and count."""
+    return Ranges({}, {"stage": t.shape.anew, "since": t.shape.cap}, ())
+
+
 def schedule(t, members: dict[str, str]) -> Ranges:
     """Place in the schedule, and count."""
     return Ranges({}, {"phase_at": len(t.shape.cycle), "since": t.shape.settled}, ())
@@ -183,7 +188,8 @@ def follower(t, members: dict[str, str]) -> Ranges:
     numbers = narrowed(t) | {f"told_{name}": ends for name, ends in inner.numbers.items()}
     return Ranges(numbers, words | {f"told_{name}": most for name, most in inner.words.items()}, (
         "When a call ends each box has been cut to its limits and carried over one period, or is one of the",
-        "boxes to start from, or has been found empty. Of the error set:", *inner.about), kept)
+        "boxes to start from, or has been found empty. From there Eva shows that all stays finite.",
+        *inner.about), kept)
 
 
 def narrowed(t) -> dict:
@@ -222,4 +228,4 @@ def _origin(t) -> dict:
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
           "mode": modes, "driven": driven, "follower": follower, "polytopic": polytopic, "sliding": pairs,
-          "bank": bank}
+          "bank": bank, "starts": begun}

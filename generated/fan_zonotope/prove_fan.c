@@ -13,7 +13,7 @@
  * Eva shows that, and that on the way there is no run-time error and no number becomes infinite or NaN.
  * Inputs go far beyond their ranges, but are numbers: the refusal of NaN and infinity is left to tests.
  * When a call ends each box has been cut to its limits and carried over one period, or is one of the
- * boxes to start from, or has been found empty. Of the error set:
+ * boxes to start from, or has been found empty. From there Eva shows that all stays finite.
  * The generators' sum of magnitudes in a row has been compared with its limit when a call ends,
  * and sums of magnitudes, rounded to nearest, are no smaller than any of their terms: that keeps
  * each number of a generator there. From there Eva shows that all stays finite.

@@ -201,7 +201,7 @@ def test_script_of_driven_framers_is_about_the_sums_of_the_reference(plant, real
 
 
 @pytest.mark.parametrize("name, real", [("zonotope", "float32"), ("box", "float64"), ("ellipsoid", "float64"),
-                                        ("trace", "float32")])
+                                        ("table", "float64"), ("trace", "float32")])
 def test_script_of_an_observer_that_follows_is_about_the_sums_of_the_reference(name, real):
     """Boxes as of an estimator; the estimate of every mode, which has what its set holds for it; and S x."""
     design, rng = follower.stand_in(name), np.random.default_rng(7)
