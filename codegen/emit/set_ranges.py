@@ -203,4 +203,5 @@ def _origin(t) -> dict:
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
-          "mode": modes, "driven": driven, "polytopic": polytopic, "sliding": pairs, "bank": bank}
+          "mode": modes, "driven": driven, "polytopic": polytopic, "descriptor": polytopic, "sliding": pairs,
+          "bank": bank}
