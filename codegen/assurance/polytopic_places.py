@@ -98,18 +98,14 @@ def read_solved(r: _Reader, t, u: list[str]) -> None:
               {k: z[k] for k in t.moving.tolist()})
     if not t.uneven:
         return
-    left = {f"g[{j}]": [("pivot", (j,), d)] * (d != 1) for j, d in enumerate(t.pivot)}
-    for node in (n for n in walk(r.body("estimate")) if isinstance(n, c_ast.Assignment)):
-        target = r.text.visit(node.lvalue)
-        read = [c for c in r.numbers(node.rvalue) if target == "pivot" or target in left]
-        expected = left.pop(target, []) if target != "pivot" else [("least_pivot", (), t.least_pivot)] * len(read)
-        if len(read) != len(expected):
-            r.refuse(node.coord.line, f"{target} has {len(read)} numbers")
-        for (name, index, value), c in zip(expected, read):
-            r.add("estimate", name, index, value, c)
-    for j, d in enumerate(t.pivot):
-        if d == 1:
-            r.add("estimate", "pivot", (j,), d, Coefficient(ONE, "", 0))
+    wanted = {f"g[{j}]": ("pivot", (j,), d) for j, d in enumerate(t.pivot)} | {
+        "pivot": ("least_pivot", (), t.least_pivot)}
+    for node in walk(r.body("estimate")):
+        target = r.text.visit(node.lvalue) if isinstance(node, c_ast.Assignment) else ""
+        if target in wanted:
+            whole = target.replace("g", "h") == r.text.visit(node.rvalue)  # a pivot of 1
+            for c in [Coefficient(ONE, "", node.coord.line)] if whole else r.numbers(node.rvalue):
+                r.add("estimate", *wanted[target], c)
 
 
 class _Reader:
