@@ -227,5 +227,5 @@ def _origin(t) -> dict:
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
-          "mode": modes, "driven": driven, "follower": follower, "polytopic": polytopic, "sliding": pairs,
-          "bank": bank, "starts": begun}
+          "mode": modes, "driven": driven, "follower": follower, "polytopic": polytopic, "descriptor": polytopic,
+          "sliding": pairs, "bank": bank, "starts": begun}
