@@ -202,5 +202,5 @@ def _origin(t) -> dict:
 
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
-          "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
+          "starts": thresholds, "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
           "mode": modes, "driven": driven, "polytopic": polytopic, "sliding": pairs, "bank": bank}
