@@ -120,7 +120,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     return replace(own, noun="boxes and estimate", header="follower.h.jinja",
                    self_test="harness/test_follower.c.jinja", state=state, out_fields=out,
                    operations=own.operations + told.operations + _more(t), sets=(view,),
-                   lengths=(*own.lengths, ("NTOLD", shape)))
+                   lengths=(*own.lengths, *(("NTOLD", shape),) * bool(shape)))
 
 
 def inner_names(names: Names) -> Names:
@@ -164,9 +164,9 @@ def _view(mode: ModeView, t, names: Names, vectors: tuple[Copy, ...], words: tup
         "turn", f"[{m}_NX][{m}_NX]", (), tuple(f"{initialiser(row, real)}," for row in t.told.shape.Z)),)
     ranges = tuple(vector(name, values) for name, values in (
         ("least", t.x_lo), ("most", t.x_hi), ("widest", t.widest)))
-    size = Size("NTOLD", f"{shape}U", "numbers of the error set")
+    size = (Size("NTOLD", f"{shape}U", "numbers of the error set"),) * bool(shape)
     return FollowerView(
-        **vars(mode) | {"sizes": (*mode.sizes, size)}, told=inner,
+        **vars(mode) | {"sizes": (*mode.sizes, *size)}, told=inner,
         forth=(S, vector("xi_room", t.xi_room)), told_limit=vector("told_limit", t.told.box),
         range=(*ranges, *turned), middle=literal(0.5, real), grow=literal(t.grow, real),
         floor=literal(t.floor, real), squares=(literal(t.square, real),) * t.by_squares, turn=turned, copies=vectors,

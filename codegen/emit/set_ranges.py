@@ -114,11 +114,6 @@ def thresholds(t, members: dict[str, str]) -> Ranges:
     return Ranges({}, {"stage": len(t.shape.h) - 1, "since": t.shape.cap}, ())
 
 
-def begun(t, members: dict[str, str]) -> Ranges:
-    """Size of the start, and count."""
-    return Ranges({}, {"stage": t.shape.anew, "since": t.shape.cap}, ())
-
-
 def schedule(t, members: dict[str, str]) -> Ranges:
     """Place in the schedule, and count."""
     return Ranges({}, {"phase_at": len(t.shape.cycle), "since": t.shape.settled}, ())
@@ -226,6 +221,6 @@ def _origin(t) -> dict:
 
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
-          "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
+          "starts": thresholds, "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
           "mode": modes, "driven": driven, "follower": follower, "polytopic": polytopic, "descriptor": polytopic,
-          "sliding": pairs, "bank": bank, "starts": begun}
+          "sliding": pairs, "bank": bank}
