@@ -395,6 +395,8 @@ int main(void)
     RUN(spoilt_state);
 #if CASE_BANK
     RUN(whom_it_blames);
+    RUN(lost_samples);
+    RUN(spoilt_measurement);
 #endif
     return 0;
 }
