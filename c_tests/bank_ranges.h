@@ -229,4 +229,10 @@ static int whom_it_blames(void)
     return 0;
 }
 
+/* All that only a bank is tried for. */
+#define RUN_BANK() \
+    RUN(whom_it_blames); \
+    RUN(lost_samples); \
+    RUN(spoilt_measurement)
+
 #endif

@@ -421,9 +421,9 @@ static bool disc_sensors_sound(const disc_sensors_state *s)
  */
 static bool disc_sensors_bridged(disc_sensors_state *s, const disc_sensors_in *in, disc_sensors_out *out)
 {
-    bool bridged = (s->credit >= DISC_SENSORS_GAP);
+    bool bridged = false;
 
-    if (bridged)
+    if (s->credit >= DISC_SENSORS_GAP)
     {
         s->credit -= DISC_SENSORS_GAP;
         (void)disc_sensors_without_0(s, in, false, out);
