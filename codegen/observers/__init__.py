@@ -23,6 +23,7 @@ from .runner import Runner
 from .schedule import ScheduleObserver, ScheduleTables
 from .sliding import SlidingObserver, SlidingTrace
 from .sliding_tables import SlidingTables
+from .starts import StartObserver, StartTables
 from .supervisor import Supervision
 from .thresholds import ThresholdObserver, ThresholdTables
 from .tnl import TnlObserver
@@ -42,5 +43,6 @@ __all__ = ["FAMILIES", "BankObserver", "BankTables", "BankTrace", "BlockObserver
            "FilterTrace", "FollowerObserver", "FollowerTables", "FollowerTrace", "FramerTables", "IntervalObserver",
            "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
            "PolytopicObserver", "PolytopicTables", "PolytopicTrace", "Runner", "ScheduleObserver", "ScheduleTables",
-           "SlidingObserver", "SlidingTables", "SlidingTrace", "Supervision", "ThresholdObserver", "ThresholdTables",
-           "TnlObserver", "Trace", "TraceTables", "Variation", "ZonotopeObserver", "ZonotopeTables"]
+           "SlidingObserver", "SlidingTables", "SlidingTrace", "StartObserver", "StartTables", "Supervision",
+           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables", "Variation",
+           "ZonotopeObserver", "ZonotopeTables"]
