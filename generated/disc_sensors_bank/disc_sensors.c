@@ -208,7 +208,6 @@ static bool disc_sensors_without_0(disc_sensors_state *s, const disc_sensors_in 
 {
     disc_sensors_real x_hat[DISC_SENSORS_NX];
     disc_sensors_real r[2U];
-    disc_sensors_real e;
     disc_sensors_real h[DISC_SENSORS_NH];
     disc_sensors_real v[DISC_SENSORS_NH]; /* what each vertex says */
     bool inside;
@@ -282,6 +281,8 @@ static bool disc_sensors_without_0(disc_sensors_state *s, const disc_sensors_in 
     s->z[3] = (h[0] * v[0]) + (h[1] * v[1]);
     if (measured)
     {
+        disc_sensors_real e;
+
         e = -(2.148583F * r[0]) - (0.43672255F * r[1]);
         s->a[0] = s->a[0] + (0.04F * (e - s->a[0]));
         e = -(5.898287F * r[0]) + (0.29018328F * r[1]);
@@ -299,7 +300,6 @@ static bool disc_sensors_without_1(disc_sensors_state *s, const disc_sensors_in 
 {
     disc_sensors_real x_hat[DISC_SENSORS_NX];
     disc_sensors_real r[2U];
-    disc_sensors_real e;
     disc_sensors_real h[DISC_SENSORS_NH];
     disc_sensors_real v[DISC_SENSORS_NH]; /* what each vertex says */
     bool inside;
@@ -373,6 +373,8 @@ static bool disc_sensors_without_1(disc_sensors_state *s, const disc_sensors_in 
     s->z[7] = (h[0] * v[0]) + (h[1] * v[1]);
     if (measured)
     {
+        disc_sensors_real e;
+
         e = -(6.2264585F * r[0]) - (0.06507147F * r[1]);
         s->a[2] = s->a[2] + (0.04F * (e - s->a[2]));
         e = -(0.844963F * r[0]) + (0.80851513F * r[1]);

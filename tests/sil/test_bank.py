@@ -91,7 +91,7 @@ def test_lost_samples_are_bridged():
         assert not trace.alarm[2 * k:2 * k + 2, :start].any()
     assert np.all((np.diff(trace.isolated, axis=1) == 0) | ~lost[:, 1:]) and trace.ready[~lost].all()
     unpaid = mutated(lambda t: replace(t, gap=10**6)).run_many(u[:, :400], gaps[:, :400], q[:, :400])
-    assert unpaid.ready.mean() < 0.2 and (unpaid.isolated[:, 300:] == -1).all()
+    assert unpaid.ready.mean() < 0.3 and (unpaid.isolated[:, 300:] == -1).all()
 
 
 def mutated(change):
