@@ -155,9 +155,10 @@ def pairs(t, members: dict[str, str]) -> Ranges:
 
 
 def bank(t, members: dict[str, str]) -> Ranges:
-    """States and averages, with which all observers start anew beyond their limits; counts."""
-    return Ranges({}, {"left": t.keep, "wait": max(t.settle, t.begin)}, (),
-                  {"z": (-t.limit, t.limit), "a": (-t.most, t.most)})
+    """States and averages, with which all observers start anew beyond their limits; the last measurement; counts."""
+    return Ranges({}, {"left": t.keep, "wait": max(t.settle, t.begin), "credit": t.credit}, (),
+                  {"z": (-t.limit, t.limit), "a": (-t.most, t.most),
+                   "y": (np.minimum(t.y_lo, 0), np.maximum(t.y_hi, 0))})  # zero at a start
 
 
 def driven(t, members: dict[str, str]) -> Ranges:

@@ -106,9 +106,10 @@ CHANGED = {
         ("value -= (D[i][j]", "value += (D[i][j]"), ("* valve_size(in->u[j])", "* in->u[j]")),
     "disc_sensors_bank": (
         ("(0.017495178F * r[0])", "(0.017495178F * r[1])"), ("- x_hat[1] - x_hat[3]", "- x_hat[1] + x_hat[3]"),
-        ("s->z[2] + in->y[1]", "s->z[2] + in->y[0]"), ("0.04F * (e", "0.05F * (e"),
-        ("left[i] = 100U", "left[i] = 1U"), ("sound && (i", "(i"),
-        ("raised == pattern[i]", "raised != pattern[i]"), ("(-7.476807e-08F)", "7.476807e-08F")),
+        ("s->z[2] + s->y[1]", "s->z[2] + s->y[0]"), ("0.04F * (e", "0.05F * (e"),
+        ("left[i] = 100U", "left[i] = 1U"), ("sound && (i", "(i"), ("s->credit -= ", "s->credit += "),
+        ("s->y[i] = in->y[i];", ""), ("raised == pattern[i]", "raised != pattern[i]"),
+        ("(-7.476807e-08F)", "7.476807e-08F")),
     "zammali_modes_mode-sliding": (
         ("_SHARE 0.8F", "_SHARE 0.7F"), ("#define ZAMMALI_MODES_SMOOTH 0.5F", ""), ("_TURN 51.3125F", "_TURN 51.3125"),
         ("#define ZAMMALI_MODES_PULL", "#define else\n#define ZAMMALI_MODES_PULL"), ("root = 0.5F *", "root = 0.25F *"),

@@ -117,6 +117,7 @@ OTHER_MUTANTS = {  # of a filter, a small mode estimator, driven framers: what o
     "bounds without a beginning": ("mode", r"out->x_lo\[i\] = FLT_MAX;", "", "initialized"),
     "limits that are not looked at": ("bank", r"if \(!\w+_sound\(s\)\)", "if (false)", "z|a"),
     "a wait without end": ("bank", r"s->wait--;", "s->wait++;", "s->wait"),
+    "a credit below nothing": ("bank", r"s->credit >= \w+_GAP", "s->credit >= 19U", "s->credit"),
     "a mean that grows": ("sliding", r"\(total - old\)", "(total + old)", "level"),
     "a bound that is not cut": ("sliding", r"result = limit;", "result = value;", "box_hi|is_finite"),
     "a step that reads what is not held": ("driven", r"held\.y\[i\] = s->y\[i\];", "", "initialized"),
