@@ -44,15 +44,16 @@ def check(plant, t, cert: dict) -> list[str]:
                                "Design again.")
     set_claims.check(plant.observed.modes, t.told, cert["told"])
     first, *others = mode_certificate.check(plant, t, cert)
-    table = [f"its set is {starts.words(t.told.shape)}"] if t.by_table else []
+    table = f"; its set is {starts.words(t.told.shape)}" if t.by_table else ""
     return [first,
             "the observer runs in the mode that is decided for, and its error is in its set for as long as that is the "
             "true one: it starts from the bounds over all hypotheses of that mode, and starts again where one of them "
-            "began within the last period; what rounded constants, inputs and sums may lose is in the set",
+            "began within the last period; what rounded constants, inputs and sums may lose is in the set"
+            + table,
             "a mode whose observer has its residual outside the set is ruled out, but for having begun within the last "
             "period; no switching makes the bounds grow without end: they are cut to the boxes of the mode estimator "
             "at every sample",
-            *table, *others]
+            *others]
 
 
 def check_start(t) -> None:
@@ -66,13 +67,26 @@ def check_start(t) -> None:
     CertificateError
         Naming the constant.
     """
-    unit, tiny, n = Q(UNIT[t.real]), Q(TINY[t.real]), len(t.S)
-    keep = 1 - unit
-    enough = {"grow": Q(t.grow) * keep * keep * keep >= 1, "square": Q(t.square) * keep * keep * keep >= n,
-              "floor": (Q(t.floor) - tiny) * keep >= 3 * tiny and Q(t.floor) >= tiny * (Q(t.square) + 1)}
-    for name, good in enough.items():
-        if not good:
+    for name, room in start_rooms(t).items():
+        if room < 0:
             raise CertificateError(f"certificate: {name} is {float(getattr(t, name)):.9g}, less than what the rounding "
                                    "of a start asks for. Design again.")
     if np.any(t.x_lo < t.told.x_lo) or np.any(t.x_hi > t.told.x_hi):
         raise CertificateError("certificate: the ranges of x are wider than those of the observer's sets.")
+
+
+def start_rooms(t) -> dict:
+    """What the constants of a start have beyond the rounding that they are for: name -> exact number.
+
+    Parameters
+    ----------
+    t : FollowerTables
+
+    Returns
+    -------
+    dict
+    """
+    unit, tiny, n = Q(UNIT[t.real]), Q(TINY[t.real]), len(t.S)
+    keep = 1 - unit
+    return {"grow": Q(t.grow) * keep * keep * keep - 1, "square": Q(t.square) * keep * keep * keep - n,
+            "floor": min((Q(t.floor) - tiny) * keep - 3 * tiny, Q(t.floor) - tiny * (Q(t.square) + 1))}

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import CertificateError
 from .exact import rational
-from .set_bounds import prove_dwell
+from .set_bounds import Room, prove_dwell
 from .thresholds import check_middle, claimed_rows, directions_of, emitted_rows, recursion, starts
 
 Array = np.ndarray
@@ -69,6 +69,42 @@ def certificate(t, proof: dict) -> dict:
                                                      "lo": (last / 2).tolist()}}
 
 
+def proved(modes, t) -> dict[str, Room]:
+    """Prove a table; return by how much it holds.
+
+    Parameters
+    ----------
+    modes : sequence
+        The plant's modes.
+    t : PointTables
+
+    Returns
+    -------
+    dict
+        "start k in mode q" -> Room.
+
+    Raises
+    ------
+    CertificateError
+        Naming size, mode, row and direction.
+    """
+    z, h = t.shape, claimed_rows(t)
+    if len(z.h) != len(z.sizes) + 1:
+        raise CertificateError(f"certificate: {len(z.h)} parts of the table (found) for {len(z.sizes)} sizes of a "
+                               "start, expected one more.")
+    n, directions, out = len(t.box), directions_of(t, z.directions.astype(float)), {}
+    for q, mode in enumerate(modes):
+        m = recursion([mode], alone(t, q))
+        for k, H0 in enumerate(errors(t, z.sizes)):
+            claim = SimpleNamespace(directions=directions, h=h[k:k + 1, q:q + 1], boxes=np.zeros((1, 1, n)), dwell=1,
+                                    back=0, coordinates=np.eye(n)[None])
+            try:
+                out[f"start {k} in mode {q}"] = prove_dwell(m, H0, claim)
+            except CertificateError as error:
+                raise CertificateError(f"certificate: start {k} in mode {q}: {error}") from None
+    return out
+
+
 def check(modes, t, cert: dict) -> list[str]:
     """Re-check a table; return what is proved, one sentence per claim.
 
@@ -88,20 +124,8 @@ def check(modes, t, cert: dict) -> list[str]:
     CertificateError
         Naming size, mode, row and direction.
     """
-    z, h = t.shape, claimed_rows(t)
-    if len(z.h) != len(z.sizes) + 1:
-        raise CertificateError(f"certificate: {len(z.h)} parts of the table (found) for {len(z.sizes)} sizes of a "
-                               "start, expected one more.")
-    n, directions = len(t.box), directions_of(t, z.directions.astype(float))
-    for q, mode in enumerate(modes):
-        m = recursion([mode], alone(t, q))
-        for k, H0 in enumerate(errors(t, z.sizes)):
-            claim = SimpleNamespace(directions=directions, h=h[k:k + 1, q:q + 1], boxes=np.zeros((1, 1, n)), dwell=1,
-                                    back=0, coordinates=np.eye(n)[None])
-            try:
-                prove_dwell(m, H0, claim)
-            except CertificateError as error:
-                raise CertificateError(f"certificate: start {k} in mode {q}: {error}") from None
+    z, n = t.shape, len(t.box)
+    proved(modes, t)
     check_middle(t)
     width = np.array(cert["steady_box"]["width"])
     if np.any(rational(width) < 2 * np.max(rational(z.hx[:, :, -1]).reshape(-1, n), axis=0)):

@@ -155,24 +155,44 @@ def pairs(t, members: dict[str, str]) -> Ranges:
 
 
 def bank(t, members: dict[str, str]) -> Ranges:
-    """States and averages, with which all observers start anew beyond their limits; counts."""
-    return Ranges({}, {"left": t.keep, "wait": max(t.settle, t.begin)}, (),
-                  {"z": (-t.limit, t.limit), "a": (-t.most, t.most)})
+    """States and averages, with which all observers start anew beyond their limits; the last measurement; counts."""
+    return Ranges({}, {"left": t.keep, "wait": max(t.settle, t.begin), "credit": t.credit}, (),
+                  {"z": (-t.limit, t.limit), "a": (-t.most, t.most),
+                   "y": (np.minimum(t.y_lo, 0), np.maximum(t.y_hi, 0))})  # zero at a start
 
 
 def driven(t, members: dict[str, str]) -> Ranges:
     """The same, where framers may have cut a box that is dead; framers of a mode that is possible; a bit per mode."""
-    boxes, told, n_modes = modes(t, members), t.told.box.astype(float), len(t.Phi)
-    image = np.abs(t.S_rounded.astype(float)) @ told + 2 * t.xi_room.astype(float)
-    most = np.maximum(carried(t), (1.001 * image).astype(t.dtype))
-    frames, pairs = np.tile(t.told.box, n_modes), n_modes * (t.ages + 1)
-    numbers = {f"box_{side}": (-np.tile(most, pairs), np.tile(most, pairs)) for side in ("lo", "hi")}
-    numbers |= {f"frame_{side}": (-frames, frames) for side in ("lo", "hi")}
+    boxes, n_modes = modes(t, members), len(t.Phi)
+    frames = np.tile(t.told.box, n_modes)
+    numbers = narrowed(t) | {f"frame_{side}": (-frames, frames) for side in ("lo", "hi")}
     return Ranges(numbers, boxes.words | {"framed": 2**n_modes - 1, "measured": 1},
                   ("When a call ends each box has been cut to its limits and carried over one period, or is one of the",
                    "boxes to start from, or has been found empty. Bounds of a mode whose bit of framed is set are in",
                    "order and have been cut at both ends; others are not read. From there Eva shows that all stays",
                    "finite."))
+
+
+def follower(t, members: dict[str, str]) -> Ranges:
+    """Boxes alike; of the observer a set as where its mode is told, estimate and bounds that are cut to its box."""
+    boxes, told = modes(t, members), t.told
+    inner = RANGES.get(t.set, within_limits)(told, {"shape": "real"})
+    kept = dict.fromkeys(("told_x_hat", "told_lo", "told_hi"), (-told.box, told.box))
+    kept |= {f"told_{name}": (np.minimum(lo, 0), np.maximum(hi, 0)) for name, lo, hi in (  # zero is what init stores
+        ("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi))}
+    words = boxes.words | {"followed": len(t.Phi), "measured": 1}
+    numbers = narrowed(t) | {f"told_{name}": ends for name, ends in inner.numbers.items()}
+    return Ranges(numbers, words | {f"told_{name}": most for name, most in inner.words.items()}, (
+        "When a call ends each box has been cut to its limits and carried over one period, or is one of the",
+        "boxes to start from, or has been found empty. From there Eva shows that all stays finite.",
+        *inner.about), kept)
+
+
+def narrowed(t) -> dict:
+    """Ends of boxes that are cut to S x of bounds within the box of framers or of an observer, too."""
+    image = np.abs(t.S_rounded.astype(float)) @ t.told.box.astype(float) + 2 * t.xi_room.astype(float)
+    most = np.tile(np.maximum(carried(t), (1.001 * image).astype(t.dtype)), len(t.Phi) * (t.ages + 1))
+    return {f"box_{side}": (-most, most) for side in ("lo", "hi")}
 
 
 def carried(t) -> Array:
@@ -202,5 +222,6 @@ def _origin(t) -> dict:
 
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
-          "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
-          "mode": modes, "driven": driven, "polytopic": polytopic, "sliding": pairs, "bank": bank}
+          "starts": thresholds, "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
+          "mode": modes, "driven": driven, "follower": follower, "polytopic": polytopic, "descriptor": polytopic,
+          "sliding": pairs, "bank": bank}
