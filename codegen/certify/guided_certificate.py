@@ -1,6 +1,6 @@
 """Certificate of framers that sliding modes guide: both proofs, and what joins them; nothing of the decision.
 
-The framers' certificate is that of an observer that is told its mode, the estimator's is ``sliding_claims``. The framers
+The framers' certificate is that of an observer that is told its mode, the estimator's ``sliding_claims``. The framers
 start from the declared range and are cut to the estimator's bounds, so they must accept what the estimator accepts, and
 their margins must be for the whole range; why both together hold the state: ``observers.guided``.
 """

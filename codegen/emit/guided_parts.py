@@ -11,7 +11,7 @@ from .follower_parts import InnerView, Struct, whole
 from .layouts import lay_out
 from .manual import Bit
 from .maps import MapSpec, Names
-from .parts import Field, Operations, Parts, Size
+from .parts import Field, Operations, Parts
 from .render import render
 from .sliding_parts import SlidingView
 from .varying import Varying, lay_out_varying
@@ -44,7 +44,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     """
     m, real, (x, u, y, _) = names.macro, names.real_type, signals
     own = sliding_parts.parts("sliding", t, s, names, signals, layout)
-    inner = replace(names, prefix=f"{names.prefix}_told", macro=f"{m}_TOLD", checked=True)
+    inner = replace(names, prefix=f"{names.prefix}_told", checked=True)
     views = tuple((lay_out_varying if isinstance(spec, Varying) else lay_out)(spec, layout)
                   for spec in maps(t.told, inner, x, y))
     numbers, words, kept = sliding_parts.members(t, names)
@@ -59,7 +59,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
                          for c, stem in zip(y, macro_names((c.name for c in y), ["TWICE", "CROSSED"]))),
             Bit("CROSSED", f"0x{2 << len(y):X}U", "a lower bound in out->mode above the upper one"))
     reals = 2 * t.sizes[0] * t.sizes[1] + 2 * len(x) + len(kept)
-    c = render("framers.c.jinja", d=_inner(views, t, inner, names, (u, y), layout)).rstrip("\n")
+    c = render("framers.c.jinja", d=_inner(views, t, inner, names.prefix, len(u), layout)).rstrip("\n")
     return replace(own, header="guided.h.jinja", bits=bits, out_fields=tuple(Field(*f) for f in out_fields(names)),
                    state=state_layout(names, s, len(bits), numbers + more, reals, kept, words),
                    operations=own.operations + operations(views, t),
@@ -79,17 +79,14 @@ def out_fields(names: Names) -> list[Member]:
     return [(*f[:3], raw) if f[1] == "raw" else f for f in sliding_parts.out_fields(names)]
 
 
-def _inner(views: tuple, t, inner: Names, names: Names, signals: tuple, layout: str) -> InnerView:
+def _inner(views: tuple, t, inner: Names, outer: str, n_u: int, layout: str) -> InnerView:
     """Collect what the inner C prints of the framers."""
-    (u, y), m = signals, inner.macro
-    sizes = tuple(Size(name, f"{names.macro}_{name}", note) for name, note in (
-        ("NX", "states"), *(("NU", "inputs") for _ in u[:1]), ("NY", "outputs"), ("MODES", "modes")))
     bounds = [f for f in families.out_fields(inner) if f[2]]
-    given = [f for f in in_fields(inner, len(u), 0) if f[1] != "spare"]
+    given = [f for f in in_fields(inner, n_u, 0) if f[1] != "spare"]
     state = [*bounds[:2], *given]
     structs = [Struct(name, whole([Field(*f) for f in members], t.real))
                for name, members in (("state", state), ("in", given), ("out", bounds))]
-    return InnerView(inner.prefix, m, names.prefix, literal(0.0, t.real), sizes, tuple(structs), views,
+    return InnerView(inner.prefix, inner.macro, outer, literal(0.0, t.real), (), tuple(structs), views,
                      framer_parts.cuts(inner, t.told, layout), (), ())
 
 

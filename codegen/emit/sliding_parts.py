@@ -83,7 +83,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
 
 def members(t, names: Names) -> tuple[list[Member], list[Word], list[str]]:
     """Vectors of numbers of the state, its words, and the numbers that ``clear`` sets to zero."""
-    m, real, (modes, n, _, p) = names.macro, names.real_type, t.sizes
+    m, real, (modes, _, _, p) = names.macro, names.real_type, t.sizes
     bounds = {"lo": "lower", "hi": "upper"}
     numbers: list[Member] = [
         *((real, f"box_{k}", f"[{m}_NSHAPE]", (f"{w} bounds of x by mode: right while it is active",))
