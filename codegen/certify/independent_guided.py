@@ -1,6 +1,6 @@
 """Framers that sliding modes guide, checked again: what ``independent_sliding.py`` hands designs with "told" over to.
 
-Standard library only, nothing of residua imported; exact fractions. Three parts, which together hold the state while the
+Standard library only, nothing of residua imported; exact fractions. Three parts: together they hold the state while the
 decision is right, of which nothing is said:
 
 1. the bounds of the estimator, to which the framers are cut (``independent_sliding``);

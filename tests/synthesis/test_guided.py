@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from dataclasses import replace
 from functools import lru_cache
 
@@ -10,6 +12,7 @@ import pytest
 from flint import arb
 from helpers.guided import plant, tables, told
 from helpers.small_modes import TEXT, exact_course
+from synthesis.test_independent import CHECKER
 
 import codegen
 from codegen.analysis import sliding_measure
@@ -17,6 +20,8 @@ from codegen.analysis.mode_promise import unbound
 from codegen.analysis.validate import judge
 from codegen.certify import guided_certificate
 from codegen.designs import claims_of, read_checked
+from codegen.emit import firmware
+from codegen.emit.cprint import literal
 from codegen.errors import CertificateError, DesignError
 from codegen.observers import GuidedObserver, GuidedTables, SlidingObserver, Supervision
 from codegen.plant.load import loads
@@ -91,7 +96,8 @@ def designed():
 
 
 def test_a_plant_the_whole_way(tmp_path, monkeypatch):
-    monkeypatch.setattr(sliding_measure, "PERIODS", (1.0,))
+    for name, value in (("PERIODS", (1.0,)), ("NOISES", (1.0,)), ("RUNS", 10)):
+        monkeypatch.setattr(sliding_measure, name, value)
     made = designed()
     p, cert = made.plant, made.certificate["float32"]
     assert made.observer.family == "guided" and not made.observer.supervision.assures
@@ -105,7 +111,12 @@ def test_a_plant_the_whole_way(tmp_path, monkeypatch):
     assert outcome.lost == 0 and not trace.assured.any() and np.mean(trace.mode == run.q) > 0.6
     rows = cert["paced"]
     assert [r["dwell"] for r in rows] == [1, 2, 4] and rows[2]["wrong"] < rows[0]["wrong"] < 0.5
-    assert all(0 <= r["alarms"] < 0.5 and r["switches"] > 20 for r in rows) and rows[2]["alarms"] < rows[0]["alarms"]
+    assert all(r["alarms"] < 0.01 and r["lost"] < 0.01 and r["switches"] > 10 for r in rows)
+    monkeypatch.setattr(sliding_measure, "PACES", (1.0,))
+    t = made.observer.tables["float32"]
+    wrong = replace(t, told=replace(t.told, d_hi=t.told.d_hi[::-1], M_hi=t.told.M_hi[::-1]))
+    (spoilt,) = sliding_measure.paced(p, GuidedObserver({"float32": wrong}, made.observer.supervision), "float32")
+    assert spoilt["alarms"] > 0.05 or spoilt["lost"] > 0.05
     found = words_of(made, "float32")
     assert [len(table.rows) for table in found.bounds][1] == 3
     assert any("alarm means a fault" in text for text in found.not_guaranteed)
@@ -134,3 +145,53 @@ def test_tampering_is_caught(place, words):
 def test_refusals(old, new, words):
     with pytest.raises(DesignError, match=words):
         codegen.design(loads(CHOSEN.replace(old, new).replace("30.25", "30").replace("60.5", "60")))
+
+
+# ---------------------------------------------------------------------------------------------- the independent checker
+
+
+@pytest.fixture(scope="module")
+def checker():
+    """The part for guided framers, in this process."""
+    sys.path.insert(0, str(CHECKER.parent))
+    try:
+        yield __import__("independent_guided")
+    finally:
+        sys.path.remove(str(CHECKER.parent))
+
+
+@lru_cache
+def printed():
+    made = firmware(designed(), "float32", "literal")
+    return made["valve.c"], made["valve.h"]
+
+
+def test_the_checker_proves_it_too_and_reads_its_c(checker, tmp_path, capsys):
+    data = json.loads(designed().to_json())
+    for part in ("tables", "certificate"):
+        data[part] = {"float32": data[part]["float32"]}
+    for end, text in zip("ch", printed()):
+        (tmp_path / f"valve.{end}").write_text(text)
+    assert checker.sliding.main(tmp_path, data, {"prefix": "valve", "real": "float32"}) == 0  # which hands it over
+    assert "the framers hold x while the decision is right" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("key, factor, words", [
+    ("d_hi", 0.9, "d_hi"), ("M_lo", 1.1, ""), ("x_hi", 0.9, "range of x"), ("y_hi", 0.5, "accepted beyond")])
+def test_the_checker_refuses_what_is_false(key, factor, words, checker):
+    data = designed().observer.tables["float32"].to_dict()
+    data["told"][key] = (np.array(data["told"][key]) * factor).tolist()
+    with pytest.raises(SystemExit, match=f"refused.*{words}"):
+        checker.check_joint(data)
+        checker.driven.check_told(data, designed().certificate["float32"], checker.read_plant(CHOSEN))
+
+
+@pytest.mark.parametrize("part", ["framers", "estimator"])
+def test_the_checker_refuses_another_c(part, checker):
+    """A constant of either that is another number in the C."""
+    t, (text, header) = designed().observer.tables["float32"], printed()
+    checker.check_source(text, header, t.to_dict(), "valve")
+    old = literal(abs(float(t.told.d_hi[0, 0] if part == "framers" else t.d_hi[0, 0])), "float32")
+    assert old in text
+    with pytest.raises(SystemExit, match="refused"):
+        checker.check_source(text.replace(old, "0.7654321F"), header, t.to_dict(), "valve")
