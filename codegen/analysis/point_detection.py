@@ -41,7 +41,7 @@ def thresholds(plant, t, cert: dict, within: int) -> Array:
     if cert["set"] == "schedule":
         return along_schedule(plant, t, within)
     out = np.full((plant.n_f, within + 1), np.inf)
-    if not cert.get("steady_box"):
+    if cert["set"] == "starts" or not cert.get("steady_box"):  # in a mode that nobody tells nothing is promised
         return out
     D = t.shape.directions.astype(float)
     first, later = (2.0 * b for b in block_bounds(t, cert, len(D)))

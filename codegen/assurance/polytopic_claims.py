@@ -39,7 +39,7 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
     own : tuple of str
         Checks by exact arithmetic.
     """
-    own = seen_apart(t, cert, own)
+    own = seen_apart(design.plant, t, cert, own)
 
     def claim(id, words, formula, source, code, margins, constants=(*GAINS, "h"), checks=own, of_plant=PLANT):
         return lambda text: build(id, text, (*plant, *of_plant), words, formula, source, code, constants,
@@ -55,19 +55,41 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
     yield from _thresholds(design.plant, t, cert, claim, (*own, "rounding", "validation", "target"))
 
 
-def seen_apart(t, cert: dict, checks: tuple) -> tuple:
+def seen_apart(plant, t, cert: dict, checks: tuple) -> tuple:
     """Checks by exact arithmetic: without the independent one where that does not know such an observer.
 
     Parameters
     ----------
+    plant : Plant
     t : PolytopicTables
     cert : dict
     checks : tuple of str
     """
     held = cert["thresholds"]
     known = not t.faults and np.ndim(cert.get("energy", cert)["T1"]) == 2 and not (
-        {"near", "between", "waits"} & set(held) or {"band", "calibration"} & set(cert))
+        "waits" in held or {"band", "calibration"} & set(cert)) and read_apart(plant, "near" in held)
     return checks if known else tuple(name for name in checks if name != "independent")
+
+
+def read_apart(plant, near: bool = False) -> bool:
+    """Whether the independent checker reads the equations of a plant: polynomials, whose premises are single products.
+
+    Parameters
+    ----------
+    plant : Plant
+    near : bool
+        And knows slopes of its weights: of a sector model whose premises are powers of one variable each.
+    """
+    import sympy
+    p = plant.polytope
+    if plant.theta or p.known or np.any(p.D) or any(np.any(v.offset) for v in p.vertices):
+        return False
+    if not p.equations:  # vertices: no slopes, which algebraic equations between samples would ask for
+        still = plant.kind == "discrete" or np.linalg.matrix_rank(p.E) == len(p.E) or len(p.vertices) == 1
+        return still and not near
+    terms = [q.term for q in p.premises]
+    return not p.raw and all(f.is_polynomial(*p.symbols) for f in (*p.equations, *terms)) and all(
+        len(sympy.Add.make_args(sympy.expand(z))) == 1 and (not near or len(z.free_symbols) == 1) for z in terms)
 
 
 def _energy(plant, t, cert: dict, claim, own: tuple):
@@ -193,7 +215,7 @@ def _estimated(plant, t, cert: dict, claim, checks: tuple):
 def ranges(design, t, cert: dict, build: type, checks: tuple):
     """State where plant and observer start."""
     plant = fault_estimators.with_faults(design.plant) if t.faults else design.plant
-    checks = seen_apart(t, cert, checks)
+    checks = seen_apart(design.plant, t, cert, checks)
     if t.faults:
         started = [(c.left, c.where) for c in fault_estimators.conditions(design.plant, t, cert) if c.what == "start"]
     else:

@@ -30,7 +30,8 @@ def rounded(value, real):
 def check_weights(t, inputs):
     """Every weight in [0, 1], whatever the estimate; their sum 1 but for a rounding per level of the tree.
 
-    Weights that are normalised are looked at by the C itself, and all the same where it finds them wrong.
+    Weights that are normalised are looked at by the C itself, and all the same where it finds them wrong. Returned are
+    the shares that the others are products of, the first premise first.
     """
     w, real = t["weights"], t["real"]
     first = w["inputs"] + len(w["constants"])
@@ -70,11 +71,11 @@ def check_weights(t, inputs):
             rounded(a + c, real), rounded(b + d, real))
 
     def partition(h):
-        """Weights of a tree: their levels; each splits all weights before it by the same share."""
+        """Weights of a tree: the share of every level, by which it splits all weights before it."""
         half = len(h) // 2
         if len(h) == 1:
             unknown(w["constants"][h[0] - inputs] != 1 if inputs <= h[0] < first else True)
-            return 0
+            return []
         unknown(len(h) % 2)
         lower, upper = h[:half], h[half:]
         before = [nodes.get(k, ["", "", ""])[1] for k in lower]
@@ -83,18 +84,19 @@ def check_weights(t, inputs):
         unknown(len(mu) != 1 or any(nodes.get(k) != ["sub", b, u] for k, b, u in zip(lower, before, upper)))
         demand(half == 1 or all(nodes[u][0] == "mul" and b in nodes[u][1:] for u, b in zip(upper, before)),
                "weights that are products")
-        return 1 + partition(before)
+        return [*partition(before), *mu]
 
     given = [nodes.get(k, [""]) for k in w["results"][:-1]]
     if all(op[0] == "select" for op in given):
         check_found(given, nodes, dict(enumerate(w["constants"], inputs)), t)
-        return
-    levels = partition(w["results"][:-1])
+        return None
+    shares = partition(w["results"][:-1])
     for k in w["results"][:-1]:
         a, b = between(k)
         demand(a >= 0 and b <= 1, "weights between 0 and 1")
-    demand(2 * levels * UNIT[real][0] <= (8 * len(t["F"]) + 4) * 2 * UNIT[real][0], "sum of the weights")
+    demand(2 * len(shares) * UNIT[real][0] <= (8 * len(t["F"]) + 4) * 2 * UNIT[real][0], "sum of the weights")
     demand(len(w["results"]) - 1 == len(t["F"]), "a weight for each vertex")
+    return shares
 
 
 def check_found(given, nodes, constants, t):

@@ -20,7 +20,7 @@ import independent_source as source  # noqa: E402
 from independent import UNIT, demand, read_plant  # noqa: E402
 from independent_driven import check_joint  # noqa: E402
 
-STARTS = ("zonotope", "box", "ellipsoid", "ellipsoid_trace")  # sets that can start from any box
+STARTS = ("zonotope", "box", "ellipsoid", "ellipsoid_trace", "starts")  # sets that can start from any box
 
 
 def check_told(t, cert, plant):
@@ -51,6 +51,10 @@ def check_source(text, header, t, prefix):
     names = r"told_\w+"
     inner = source.functions(bare, prefix, names)
     source.check_source(inner, told, f"{prefix}_told", (("whole_range", "whole_range", "x"),))
+    if t["set"] == "starts":
+        sizes = re.findall(source.TABLE, source.functions(inner, f"{prefix}_told", "set_box"), re.S)
+        demand([source.numbers(body, real) for body in sizes] == [source.flat(told["shape"]["sizes"])],
+               "the sizes that a start is compared with")
     outer = bare
     for piece in re.findall(rf"\n\w[^\n]*{prefix}_{names}\([^;]*?\)\n{{.*?\n}}\n", bare, re.S):
         outer = outer.replace(piece, "\n")

@@ -6,7 +6,7 @@ the observer at vertex j, whatever T1 is, R = I - T1 E - T2 C,
     x_hat = (I - R) x - eb + T2 Dd d,    r = y - C_o x_hat,    eb+ = T1 (E x+) - F_j x_hat - G_j u + K_j r
 
 where E x+ = A_i x + B_i u + Bd_i d, of a continuous plant E x + T (A_i x + ..) with the mean of the change of x since
-the sample added. That mean is at most half a period of the largest E x', and what the algebraic equations make of it.
+the sample added, see ``independent_drift.py``.
 """
 
 import sys
@@ -16,9 +16,6 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
 from independent import UNIT, exact, mul, rounding, sub  # noqa: E402 - stands beside this file
-from independent_filter import up  # noqa: E402
-
-TURNS = 30
 
 
 def unit(n):
@@ -50,11 +47,6 @@ def reach(row, box):
     """Largest magnitude of a row over a box of (middle, half width)."""
     middle = sum((a * m for a, (m, _) in zip(row, box)), F(0))
     return abs(middle) + sum((abs(a) * h for a, (_, h) in zip(row, box)), F(0))
-
-
-def above(x):
-    """The fraction of a float that is not below."""
-    return F(up(x)) if x > 0 else x
 
 
 def kernel(E):
@@ -110,7 +102,7 @@ def nearest(E, C, S, T1, T2):
 
 
 class Plant:
-    """Vertices for [w; v], boxes as (middle, half width), and the mean change of x over a period."""
+    """Vertices for [w; v], boxes as (middle, half width), steps of the plant, and the premises of its weights."""
 
     def __init__(self, p):
         self.E, self.C, self.T = p["E"], p["C"], p["period"]
@@ -122,42 +114,19 @@ class Plant:
         self.box["d"] = [((a + b) / 2, (b - a) / 2) for a, b in p["w"] + p["v"]]
         self.size = {k: [max(abs(a), abs(b)) or F(1) for a, b in p[k]] for k in "xuywv"}
         self.S = kernel(self.E)
-        self.tied = p["tied"]
+        self.tied, self.premises, self.ends = p["tied"], p["premises"], p["x"] + p["u"]
         if self.T is not None:
             self.flow = [[add(scaled(self.T, M), base) if base else scaled(self.T, M) for M in some]
                          for some, base in ((self.A, self.E), (self.B, None), (self.Bd, None))]
         else:
             self.flow = [self.A, self.B, self.Bd]
 
-    def drift(self):
-        """Bounds of the mean of |x(t) - x| over a period."""
-        n, h, St = len(self.E), len(self.A), transposed(self.S)
-        x, u, d = (self.box[k] for k in "xud")
-        speed = [max(reach(a[i], x) + reach(b[i], u) + reach(g[i], d) for a, b, g in zip(self.A, self.B, self.Bd))
-                 for i in range(n)]
-        SA, SB, SD = ([mul(St, M) for M in some] for some in (self.A, self.B, self.Bd))
-        left = [max(reach([a - b for a, b in zip(SA[i][r], SA[k][r])], x)
-                    + reach([a - b for a, b in zip(SB[i][r], SB[k][r])], u) + reach(SD[i][r], d) + reach(SD[k][r], d)
-                    for i, k in product(range(h), repeat=2)) for r in range(len(St))]
-        tall = self.E + scaled(F(1, h), add(*SA)) if St else self.E
-        near = solved(mul(transposed(tall), tall), transposed(tall))
-        near = [[F(float(a)) for a in row] for row in near]
-        right = [self.T / 2 * v for v in speed] + left
-        driven = [sum((abs(a) * b for a, b in zip(row, right)), F(0)) for row in near]
-        loss = [sub(unit(n), mul(near, self.E + M)) for M in SA]
-        loss = [[max(abs(M[i][j]) for M in loss) for j in range(n)] for i in range(n)]
-        change = [2 * half for _, half in x]
-        for _ in range(TURNS):
-            change = [above(min(c, e + sum((a * b for a, b in zip(row, change)), F(0))))
-                      for c, e, row in zip(change, driven, loss)]
-        return change
-
 
 class Errors:
     """The recursion of eb, pair by pair, on the numbers of the tables."""
 
-    def __init__(self, plant, t, T1):
-        self.plant, self.t, self.real = plant, t, t["real"]
+    def __init__(self, plant, t, T1, drift=None):
+        self.plant, self.t, self.real, self.drift = plant, t, t["real"], drift
         self.T2, self.C, self.M = exact(t["T2"]), exact(t["C"]), exact(t["M"])
         self.T1 = nearest(plant.E, plant.C, plant.S, exact(T1), self.T2)
         self.F, self.G, self.K = (exact(t[k]) for k in "FGK")
@@ -200,11 +169,9 @@ class Errors:
         """Per pair of vertices (N, columns of what drives eb+); M r over eb, and what else is in it."""
         p, n = self.plant, len(self.F[0])
         y, u, x_hat, r, shown, z = self.rounded()
-        moved = p.drift() if p.T is not None else None
-        if moved is not None:
-            change = [max(sum((abs(a) * m for a, m in zip(mul(self.T1, M)[i], moved)), F(0)) for M in p.A)
-                      for i in range(n)]
-            z = [a + p.T * c for a, c in zip(z, change)]
+        if p.T is not None:
+            change = [self.drift.of(mul(self.T1, M)) for M in p.A]
+            z = [a + p.T * max(c) for a, c in zip(z, zip(*change))]
         out = []
         for i, j in product(range(len(p.A)), range(len(self.F))):
             columns = [[F(0)] * n]

@@ -2,9 +2,10 @@
 
 Standard library only, nothing of residua imported; exact fractions. For the recursion of ``independent_pairs.py`` a set
 |r_k eb| <= b_k is kept where each r_k N_j is a combination of the rows, given by the certificate, plus a rest that
-counts by magnitude; every row of the table must hold M r from there. A quadratic function of eb and x pays for the
-energy of the error at every pair of vertices. The claims of a law beside the observer are not looked at, nor observers
-that estimate faults (status 2).
+counts by magnitude, at every pair of vertices or with weights that are near each other (``independent_near.py``). Every
+row of the table must hold M r from there. A quadratic function of eb and x pays for the energy of the error at every
+pair of vertices. The claims of a law beside the observer are not looked at, nor observers that estimate faults
+(status 2).
 """
 
 import sys
@@ -15,12 +16,14 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parent))
 from independent import UNIT, demand, exact, mul, positive, sub  # noqa: E402 - stands beside this file
 from independent_blend import check_source, check_weights  # noqa: E402
+from independent_drift import Drift, largest  # noqa: E402
 from independent_filter import EPS, combined, up  # noqa: E402
+from independent_near import Near  # noqa: E402
 from independent_pairs import Errors, Plant, add, beside, scaled, transposed, unit  # noqa: E402
 from independent_sector import read_plant, unknown  # noqa: E402
 
 
-def check_thresholds(errors, p, cert):
+def check_thresholds(errors, p, cert, shares=None):
     """All rows of the table, and the bounds that init and a restart begin with."""
     t, plant, h = errors.t, errors.plant, errors.t["h"]
     rows, b, n = exact(cert["rows"]), [float(x) for x in cert["bounds"][0]], len(errors.F[0])
@@ -29,18 +32,24 @@ def check_thresholds(errors, p, cert):
     maps, shown, held = [], [], exact(b)
     demand(len(cert["carry"]) == len(cert["out"]) == len(pushes), "combinations of every pair")
     for (N, W), carry, out in zip(pushes, cert["carry"], cert["out"]):
-        G, o = combined(rows, mul(rows, N), carry), [sum(map(abs, row), F(0)) for row in mul(rows, W)]
-        for k, row in enumerate(G):
-            demand(sum((a * c for a, c in zip(row, held)), o[k]) <= held[k], f"row {k} of the set is not kept")
-        maps.append(([[up(a) for a in row] for row in G], [up(x) for x in o]))
+        maps.append((combined(rows, mul(rows, N), carry), [sum(map(abs, row), F(0)) for row in mul(rows, W)]))
         shown.append([[up(a) for a in row] for row in combined(rows, seen, out)])
-    room, wide = [up(x) for x in room], 1 + (len(rows) + 8) * EPS
+    near = None
+    if "near" in cert:
+        unknown(shares is None)
+        near = Near(errors, rows, shares, cert["near"]["sees"])
 
-    def times(A, v, c):
+    def times(A, v, c, wide):
         return [(sum([a * x for a, x in zip(row, v)]) + e) * wide for row, e in zip(A, c)]
 
-    def largest(some):
-        return [max(values) for values in zip(*some)]
+    def after(maps, near, v, wide):
+        each = [times(A, v, c, wide) for A, c in maps]
+        return near.smaller(each, v, wide) if near else largest(each)
+
+    for k, (a, c) in enumerate(zip(after(maps, near, held, 1), held)):
+        demand(a <= c, f"row {k} of the set is not kept")
+    maps, near = [([[up(a) for a in row] for row in A], [*map(up, c)]) for A, c in maps], near and near.floats()
+    room, wide = [up(x) for x in room], 1 + (len(rows) + 8) * EPS
 
     T1E, last, shift = mul(errors.T1, plant.E), len(h) - 1, t["shift"]
     demand(t["start"] in (0, last) and 0 <= shift < 16, "rows of the table")
@@ -57,12 +66,11 @@ def check_thresholds(errors, p, cert):
     for name in ("z0", "z_mid"):
         demand(all(a <= z <= c for a, z, c in zip(t["z_lo"], t[name], t["z_hi"])), f"{name} within its limits")
     for k in range((last << shift) + 1):
-        within = k == last << shift or all(x <= y for x, y in zip(bounds, b))
-        demand(k < last << shift or all(x <= y for x, y in zip(bounds, b)), "the last row comes too early")
-        needed = largest([times(A, b if within else bounds, room) for A in shown])
+        settled = k == last << shift
+        demand(not settled or all(x <= y for x, y in zip(bounds, b)), "the last row comes too early")
+        needed = largest([times(A, b if settled else bounds, room, wide) for A in shown])
         demand(all(x <= y for x, y in zip(needed, h[k >> shift])), f"threshold row {k >> shift}")
-        if not within:
-            bounds = largest([times(A, bounds, c) for A, c in maps])
+        bounds = after(maps, near, bounds, wide)
 
 
 def check_energy(errors, cert, channel):
@@ -114,24 +122,25 @@ def main(folder, design, record):
     unknown(design["family"] != "polytopic" or any("faults" in t for t in design["tables"].values()))
     p = read_plant(design["plant"]["toml"])
     plant = Plant(p)
+    drift = Drift(plant) if plant.T is not None else None
     for real, t in design["tables"].items():
         cert = design["certificate"][real]
         T1 = cert.get("energy", cert)["T1"]
         unknown(isinstance(T1[0][0], list))
-        # Bounds that are tighter than those of every pair here, and thresholds that are no bounds.
-        unknown(bool({"near", "between", "waits"} & set(cert["thresholds"]) or {"band", "calibration"} & set(cert)))
-        check_weights(t, len(p["x"]) + len(p["u"]))
+        # Thresholds that are no bounds, and claims of other kinds.
+        unknown("waits" in cert["thresholds"] or bool({"band", "calibration"} & set(cert)))
+        shares = check_weights(t, len(p["x"]) + len(p["u"]))
         for name in "uy":
             for lo, hi, (a, b) in zip(t[name + "_lo"], t[name + "_hi"], p[name]):
                 room = UNIT[real][0] * max(abs(a), abs(b))
                 demand(abs(F(lo) - a) <= room and abs(F(hi) - b) <= room, f"range of {name}")
-        errors = Errors(plant, t, T1)
+        errors = Errors(plant, t, T1, drift)
         if "energy" in cert:
             demand(cert["energy"]["form"] == "standard" and cert["energy"]["time"] == "discrete", "form of the proof")
             period = cert["energy"].get("period")
             demand((None if period is None else F(period)) == plant.T, "period")
             check_energy(errors, cert, design["options"].get("channel", "state"))
-        check_thresholds(errors, p, cert["thresholds"])
+        check_thresholds(errors, p, cert["thresholds"], shares)
         print(f"proved for {real}: thresholds with rounding" + ", energy gain, contraction" * ("energy" in cert)
               + "; the law beside it is not checked here" * ("law" in t))
     text, header = ((folder / f"{record['prefix']}.{end}").read_text() for end in "ch")

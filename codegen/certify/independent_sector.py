@@ -92,7 +92,8 @@ def read_plant(text):
     constants = {k: F(repr(float(v))) for k, v in p.get("constants", {}).items()}
     names = [s["name"] for k in "xu" for s in signals[k]]
     common, own = p.get("common", {}), p.get("nonlinear", {})
-    unknown(signals["theta"] or "D" in common or "point" in own or "known" in own)
+    unknown(signals["theta"] or "point" in own or "known" in own)
+    unknown(any(polynomial(e, [], constants) for row in common.get("D", []) for e in row))
 
     def matrix(key, given=None):
         r, c = (signals[v] for v in SHAPES[key])
@@ -110,10 +111,11 @@ def read_plant(text):
     if p.get("vertex"):
         unknown(any(any(v.get("offset", [])) for v in p["vertex"]))
         plant["vertices"] = [{k: matrix(k, v.get(k)) for k in ("A", "B", "Bw")} for v in p["vertex"]]
+        plant["premises"] = None
         return plant
     entries = factors(own, names, len(signals["x"]), constants)
-    parts, limits, tied = sectors(own, entries, names, len(signals["x"]), box, constants)
-    plant["tied"] = tied
+    parts, cores, limits, tied = sectors(own, entries, names, len(signals["x"]), box, constants)
+    plant["tied"], plant["premises"] = tied, [(key, *ends) for key, ends in zip(cores, limits)]
     plant["vertices"] = []
     for ends in product(*reversed(limits)):
         at = list(reversed(ends))
@@ -157,7 +159,7 @@ def factors(own, names, n_x, constants):
 
 
 def sectors(own, rows, names, n_x, box, constants):
-    """Entries as sums of products of premises, the bounds of these, and the premises that read inputs alone."""
+    """Entries as sums of products of premises, these as exponents, their bounds, and those that read inputs alone."""
     cores, limits = [], []
     for q in own.get("premise", []):
         p = polynomial(q["term"], names, constants)
@@ -190,4 +192,4 @@ def sectors(own, rows, names, n_x, box, constants):
         return out
 
     tied = [k for k, core in enumerate(cores) if not any(core[:n_x])]
-    return [[entry(p) for p in row] for row in rows], limits, tied
+    return [[entry(p) for p in row] for row in rows], cores, limits, tied

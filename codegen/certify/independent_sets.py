@@ -45,7 +45,7 @@ def magnitudes(A):
 
 #: The file that checks a kind of set: ``check(e, cert, ranges, box0)`` says what it has proved.
 KINDS = {"zonotope": "zonotope", "ellipsoid": "ellipsoid", "box": "box", "thresholds": "table", "schedule": "schedule",
-         "ellipsoid_trace": "trace", "blocks": "blocks"}
+         "ellipsoid_trace": "trace", "blocks": "blocks", "starts": "starts"}
 
 
 class Error:

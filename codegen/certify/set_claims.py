@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import CertificateError
-from . import blocks, boxes, ellipsoids, residual_gain, schedules, set_freeze, thresholds, trace_ellipsoids
+from . import blocks, boxes, ellipsoids, residual_gain, schedules, set_freeze, starts, thresholds, trace_ellipsoids
 from .exact import rational, up
 from .sets import SetDemands
 
 #: What is checked of each kind of set.
 CHECKS = {"zonotope": set_freeze.check_zonotope, "thresholds": thresholds.check, "schedule": schedules.check,
           "blocks": blocks.check, "ellipsoid": ellipsoids.check, "box": boxes.check,
-          "ellipsoid_trace": trace_ellipsoids.check}
+          "ellipsoid_trace": trace_ellipsoids.check, "starts": starts.check}
 #: How the certificate of a table is made.
 TABLES = {"thresholds": thresholds.certificate, "schedule": schedules.certificate, "blocks": blocks.certificate}
 
@@ -48,6 +48,10 @@ def prove(modes, t, proof: dict, resolve=None, tables: tuple = (), kind: str = "
     """
     level = dict(proof) if proof["kind"] == "none" else residual_gain.prove(modes, t.L, t.N, proof, resolve)
     level["rest"] = rounding(modes, t)
+    if kind == "starts":
+        cert = starts.certificate(t, level)
+        starts.check(modes, t, cert)
+        return cert
     if hasattr(t.shape, "Pb"):
         return boxes.prove(modes, t, level)
     if hasattr(t.shape, "weight_y"):

@@ -51,7 +51,8 @@ class FollowerView(ModeView):
 
     ``copies`` and ``words`` are vectors and words that are lent to the observer, ``carried`` the vectors that it
     gives back; ``squares`` (a factor) and ``turn`` have an entry where the set begins with squares, or with half widths
-    in other coordinates.
+    in other coordinates. ``reads`` are arguments of the observer's bounds beside its state, where they are of a mode.
+    ``by_table`` starts a table from the declared range, ``again`` is when a table starts besides.
     """
 
     told: str
@@ -66,6 +67,9 @@ class FollowerView(ModeView):
     copies: tuple[Copy, ...]
     carried: tuple[Copy, ...]
     words: tuple[str, ...]
+    reads: str
+    by_table: tuple[str, ...]
+    again: str
 
 
 def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts:
@@ -90,7 +94,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     own = mode_parts.parts("mode", t, s, names, signals, layout)
     inner = replace(names, prefix=f"{names.prefix}_told", macro=f"{m}_TOLD", checked=True)
     told = point_parts.parts(t.set, t.told, Supervision(), inner, signals, layout)
-    shape = next(count for name, count in told.lengths if name == "NSHAPE")
+    shape = next(count for name, count in told.lengths if name == "NSHAPE")  # none of a table
     sizes = {"x_hat": (f"{m}_NX", len(x)), "u": (f"{m}_NU", len(u)), "y": (f"{m}_NY", len(y)),
              "shape": (f"{m}_NTOLD", shape)}
     kept = [f for f in told.state.members if f[1] in sizes]
@@ -107,7 +111,8 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     words: list[Word] = [("decided", "0U", "mode of the last answer"),
                          ("followed", f"{m}_MODES", f"mode in which the observer runs; {m}_MODES: none"),
                          ("measured", "0U", "1: the last sample had its measurement")]
-    words += [(f"told_{f[1]}", f"{m}_MODES", " ".join(f[3]).replace(inner.macro, m)) for f in origin]
+    words += [(f"told_{f[1]}", "0U" if t.by_table else f"{m}_MODES", " ".join(f[3]).replace(inner.macro, m))
+              for f in origin]
     boxes = next(n for name, n in own.lengths if name == "NSHAPE")
     state = state_layout(names, s, 1, numbers, 2 * boxes + len(clear), clear, words, extra=len(t.Phi))
     view = _view(own.sets[0], t, names, vectors, tuple(f[1] for f in origin), shape,
@@ -161,7 +166,9 @@ def _view(mode: ModeView, t, names: Names, vectors: tuple[Copy, ...], words: tup
         forth=(S, vector("xi_room", t.xi_room)), told_limit=vector("told_limit", t.told.box),
         range=(*ranges, *turned), middle=literal(0.5, real), grow=literal(t.grow, real),
         floor=literal(t.floor, real), squares=(literal(t.square, real),) * t.by_squares, turn=turned, copies=vectors,
-        carried=tuple(v for v in vectors if v.name in ("x_hat", "shape")), words=words)
+        carried=tuple(v for v in vectors if v.name in ("x_hat", "shape")), words=words,
+        reads="&given, " * t.by_table, by_table=(f"{names.prefix}_told_set_box(&held, widest);",) * t.by_table,
+        again=" || (!measured) || (s->measured == 0U)" * t.by_table)
 
 
 def _more(t) -> Operations:

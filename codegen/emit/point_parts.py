@@ -8,7 +8,15 @@ import numpy as np
 
 from ..observers.point import centred
 from ..observers.zonotope import set_work
-from . import block_parts, box_parts, ellipsoid_parts, ellipsoid_trace_parts, schedule_parts, threshold_parts
+from . import (
+    block_parts,
+    box_parts,
+    ellipsoid_parts,
+    ellipsoid_trace_parts,
+    schedule_parts,
+    start_parts,
+    threshold_parts,
+)
 from .cprint import initialiser, literal, macro_names
 from .families import Member, Word, mode_word, state_layout
 from .layouts import lay_out
@@ -81,7 +89,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
 
     Parameters
     ----------
-    family : {"zonotope", "thresholds", "schedule", "blocks", "ellipsoid", "box", "ellipsoid_trace"}
+    family : {"zonotope", "thresholds", "schedule", "blocks", "ellipsoid", "box", "ellipsoid_trace", "starts"}
     t : PointTables
     s : Supervision
     names : Names
@@ -274,10 +282,11 @@ def estimate(t, views, n_u: int) -> Operations:
 
 
 #: Families whose set is a table, at least in part: what it says depends on the mode now.
-TABLES = ("thresholds", "schedule", "blocks")
+TABLES = ("thresholds", "schedule", "blocks", "starts")
 #: Members of the state, operations and view of each family.
 FAMILY = {"zonotope": (state_of, operations, zonotope),
           "thresholds": (threshold_parts.state, threshold_parts.operations, threshold_parts.view),
+          "starts": (start_parts.state, threshold_parts.operations, start_parts.view),
           "schedule": (schedule_parts.state, threshold_parts.operations, schedule_parts.view),
           "blocks": (block_parts.state, block_parts.operations, block_parts.view),
           "ellipsoid": (ellipsoid_parts.state, ellipsoid_parts.operations, ellipsoid_parts.view),

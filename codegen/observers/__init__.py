@@ -24,6 +24,7 @@ from .runner import Runner
 from .schedule import ScheduleObserver, ScheduleTables
 from .sliding import SlidingObserver, SlidingTrace
 from .sliding_tables import SlidingTables
+from .starts import StartObserver, StartTables
 from .supervisor import Supervision
 from .thresholds import ThresholdObserver, ThresholdTables
 from .tnl import TnlObserver
@@ -37,12 +38,12 @@ FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": Zonoto
             "polytopic": PolytopicObserver, "descriptor": DescriptorObserver, "bank": BankObserver,
             "sliding": SlidingObserver, "guided": GuidedObserver}
 
-__all__ = ["BankObserver", "BankTables", "BankTrace", "BlockObserver", "BlockTables", "BoxObserver", "BoxTables",
-           "Coordinates", "DescriptorObserver", "DescriptorTables", "DrivenObserver", "DrivenTables",
-           "EllipsoidObserver", "EllipsoidTables", "EllipsoidTraceObserver", "FAMILIES", "FilterObserver",
-           "FilterTables", "FilterTrace", "FollowerObserver", "FollowerTables", "FollowerTrace", "FramerTables",
-           "GuidedObserver", "GuidedTables", "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace",
-           "PointObserver", "PointTables", "PointTrace", "PolytopicObserver", "PolytopicTables", "PolytopicTrace",
-           "Runner", "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables", "SlidingTrace",
-           "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables", "Variation",
-           "ZonotopeObserver", "ZonotopeTables"]
+__all__ = ["FAMILIES", "BankObserver", "BankTables", "BankTrace", "BlockObserver", "BlockTables", "BoxObserver",
+           "BoxTables", "Coordinates", "DescriptorObserver", "DescriptorTables", "DrivenObserver", "DrivenTables",
+           "EllipsoidObserver", "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables",
+           "FilterTrace", "FollowerObserver", "FollowerTables", "FollowerTrace", "FramerTables", "GuidedObserver",
+           "GuidedTables", "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver",
+           "PointTables", "PointTrace", "PolytopicObserver", "PolytopicTables", "PolytopicTrace", "Runner",
+           "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables", "SlidingTrace", "StartObserver",
+           "StartTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables",
+           "Variation", "ZonotopeObserver", "ZonotopeTables"]

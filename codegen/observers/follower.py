@@ -8,7 +8,8 @@ that is decided for:
    period; where the residual is outside its set, or its bounds are apart from the boxes, these hypotheses are wrong;
 2. their boxes are cut to what its bounds make of S x. That of (q, 0) is not, which began within the period;
 3. the decision is made from what is left. Where another mode is decided for, or (q, 0) is possible, the observer starts
-   anew: its estimate is the centre of the bounds over all hypotheses of that mode, its set the box around it.
+   anew: its estimate is the centre of the bounds over all hypotheses of that mode, its set the box around it. So does
+   one whose set is a table (``starts``) at a missing sample and at the next.
 
 Why the truth is kept: under every hypothesis of its mode that is possible after step 3 the observer's set holds the
 state. It does when it starts, from all of them. A sample later a hypothesis is either one of these, a sample older: the
@@ -32,13 +33,14 @@ from .mode_set import ModeSet, ModeState, image, pack_modes
 from .mode_tables import ModeTables
 from .point import PointTables, blind, centred, forward, residual
 from .runner import pack
+from .starts import StartObserver
 from .supervisor import Supervision, judge, undisturbed
 from .zonotope import ZonotopeObserver
 
 Array = np.ndarray
-#: Sets that start from any box at run time; those of tables start from the declared one.
+#: Sets that start from any box at run time; of tables those that are made for it.
 SETS = {"zonotope": ZonotopeObserver, "box": BoxObserver, "ellipsoid": EllipsoidObserver,
-        "ellipsoid_trace": EllipsoidTraceObserver}
+        "ellipsoid_trace": EllipsoidTraceObserver, "starts": StartObserver}
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ class FollowerTables(ModeTables):
     ----------
     told : PointTables
         Of the observer that is told its mode.
-    set : {"zonotope", "box", "ellipsoid", "ellipsoid_trace"}
+    set : {"zonotope", "box", "ellipsoid", "ellipsoid_trace", "starts"}
         Its family.
     S_rounded : ndarray (n_x, n_x), xi_room : ndarray (n_x,)
         S in the type of the C, and what that and the product may lose.
@@ -71,6 +73,11 @@ class FollowerTables(ModeTables):
     def by_squares(self) -> bool:
         """Whether a set begins with squares of half widths."""
         return self.set.startswith("ellipsoid")
+
+    @property
+    def by_table(self) -> bool:
+        """Whether a set is a place in a table."""
+        return self.set == "starts"
 
     def to_dict(self) -> dict:
         """Return plain lists for design.json; every float is exact."""
@@ -148,6 +155,7 @@ class FollowerObserver(ModeObserver):
         mode, lives = run.decided(now), now.alive.any(axis=2)
         lo, hi = hulls(t, now, now.alive, followed, *own)
         anew = (followed != mode) | now.alive[rows, mode, 0]
+        anew |= t.by_table & ~(self.full & measured)  # a table is of measured steps
         point = chosen(anew, self.started(t, lo[rows, mode], hi[rows, mode]), point)
         after = merged(raw, now, run.carry(now, u))
         alarm, again, assured = judge(self.supervision, self.guard, on & measured, raw[:, None])
@@ -233,10 +241,15 @@ class FollowerObserver(ModeObserver):
             shape = np.zeros((*half.shape, half.shape[1]), dtype=t.dtype)
             i = np.arange(half.shape[1])
             shape[:, i, i] = t.square * (half * half) + t.floor
+        elif t.by_table:
+            shape = self.inner.begun(t.told, half)
         else:
             shape = self.inner.whole(t.told, half)
-        wide = (half > centred(t.told.x_lo, t.told.x_hi, t.dtype)[1]).any(axis=1)
-        return chosen(wide, self.anywhere(t.told, len(x)), (x, shape, np.full(len(x), t.told.origins - 1)))
+        widest = centred(t.told.x_lo, t.told.x_hi, t.dtype)[1]
+        whole = self.anywhere(t.told, len(x))
+        if t.by_table:
+            whole = whole[0], self.inner.begun(t.told, np.broadcast_to(widest, half.shape)), whole[2]
+        return chosen((half > widest).any(axis=1), whole, (x, shape, np.full(len(x), t.told.origins - 1)))
 
     def reset(self, t: FollowerTables, on: Array) -> None:
         """Restart the runs in ``on`` from the declared ranges, alarms cleared (``<p>_reset``)."""

@@ -131,7 +131,7 @@ def followed(plant: Plant, name: str, told: dict, proofs: dict, choice: list, op
     family = next(iter(proofs.values()))["set"]
     if family not in SETS:
         raise DesignError(f'{plant.name}: observer.tables is "{options["tables"]}" where the mode is not known, '
-                          'expected "none": the set has to start from bounds of x at run time. Remove it.')
+                          'expected "none" or "dwell": the set has to start from bounds of x at run time. Change it.')
     tables, certs = both(plant, options, lambda text: progress(f"{name}: {text}"))
     shared = [real for real in tables if real in told]
     return assembled(plant, name, "follower",

@@ -19,18 +19,22 @@ MAKERS = {"descriptor-direct": descriptor_designs, "descriptor-fault-estimation"
 WITHIN = 3
 
 
-def default(plant: Plant) -> str:
-    """The method for a polytopic plant that names none.
+def in_turn(plant: Plant) -> list[str]:
+    """The methods for a polytopic plant that names none, the first that certifies is taken.
+
+    Euler steps of an observer in continuous time come before a recursion that is designed at the period itself: where
+    the period is too long for the former, the latter may still do.
 
     Parameters
     ----------
     plant : Plant
     """
     if plant.kind == "discrete":
-        return "descriptor-discrete"
+        return ["descriptor-discrete"]
     unseen = METHODS["descriptor-uncertain"].module.inapplicable(plant)
-    direct = unseen is not None and METHODS["descriptor-direct"].module.inapplicable(plant) is None
-    return "descriptor-direct" if direct else "descriptor-uncertain"
+    if unseen is not None and METHODS["descriptor-direct"].module.inapplicable(plant) is None:
+        return ["descriptor-direct"]
+    return ["descriptor-uncertain", "descriptor-discrete"]
 
 
 def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], None]) -> Design:

@@ -98,6 +98,35 @@ def both_sides(c: Candidate, plant: Plant, module=None) -> dict:
     return gains
 
 
+def first_certified(plant: Plant, names: list[str], options: dict, progress: Callable[[str], None]) -> Design:
+    """The first of some methods that certifies; what the first of them says where none does.
+
+    Parameters
+    ----------
+    plant : Plant
+    names : list of str
+    options : dict
+    progress : callable
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    DesignError, CertificateError
+        Of the first method.
+    """
+    failures = []
+    for name in names:
+        try:
+            return choose(plant, name, options, progress)
+        except (DesignError, CertificateError) as error:
+            progress(f"{name}: {error}")
+            failures.append(error)
+    raise failures[0]
+
+
 def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[str], None]) -> Design:
     """Try what the options ask for and keep the best certified design.
 
@@ -124,8 +153,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     """
     if options != plant.options:  # how it is sampled is one of them; the plant keeps its sampled form where it can
         plant = replace(plant, options=dict(options))
-    if plant.polytope is not None:
-        method = method or polytopes.default(plant)
+    if plant.polytope is not None and method is None:
+        return first_certified(plant, polytopes.in_turn(plant), options, progress)
     methods = [method] if method else [name for name, m in METHODS.items() if m.automatic]
     for name in methods:
         if name not in METHODS:

@@ -13,7 +13,7 @@ from ..certify.order import patterns
 from ..errors import DesignError
 from ..observers import BlockObserver, BlockTables, PointTables, ScheduleTables, Supervision
 from ..plant.model import Plant
-from . import point_sets
+from . import point_sets, start_tables
 from .point_sets import MOST_COLUMNS, ROWS, TABLE_MARGIN, compared, with_table
 from .set_simulation import STEPS, estimate, settled
 
@@ -199,7 +199,14 @@ def with_blocks(plant: Plant, gains: dict, real: str) -> tuple[PointTables, tupl
     return PointTables(**vars(t), shape=shape), (plant.observed.modes,)
 
 
+def by_time(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
+    """Thresholds by time since the switch, or since the start where nobody tells the mode."""
+    make = point_sets.tabulated if plant.switching.known else start_tables.chosen
+    return make(plant, gains, options, dwell)
+
+
 #: How the set of each kind is sized.
-CHOICES = point_sets.CHOICES | {"schedule": scheduled, "arbitrary": arbitrary}
+CHOICES = point_sets.CHOICES | {"dwell": by_time, "schedule": scheduled, "arbitrary": arbitrary}
 #: How tables are made that stand for a set.
-TABLES = {"thresholds": with_table, "schedule": with_schedule, "blocks": with_blocks}
+TABLES = {"thresholds": with_table, "schedule": with_schedule, "blocks": with_blocks,
+          "starts": start_tables.with_starts}

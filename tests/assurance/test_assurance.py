@@ -15,7 +15,13 @@ import numpy as np
 import pytest
 from helpers.designs import VARIANTS, stand_in
 from helpers.kept import OTHERS, POINTS, STATED, family_of, first_of_each
-from helpers.table_numbers import every_number_of_a_bank, every_number_of_a_set, every_number_of_the_family
+from helpers.table_numbers import (
+    every_number_of_a_bank,
+    every_number_of_a_set,
+    every_number_of_driven,
+    every_number_of_framers,
+    every_number_of_the_family,
+)
 
 import codegen
 from codegen.assurance import document
@@ -126,19 +132,15 @@ def test_every_number_of_the_tables_is_there(folder, made):
     if family_of(folder) == "bank":
         every_number_of_a_bank(t, found)
         return
+    if family_of(folder) == "driven":
+        every_number_of_driven(t, found, [m.name for m in design.plant.modes])
+        return
     if folder in OTHERS:
         every_number_of_the_family(t, found, [m.name for m in design.plant.modes])
         return
     modes = [m.name for m in design.plant.modes]
-    gains = ["M", "G", "L", "d"] + ["N"] * (design.observer.family == "tnl")
-    for name in (*(f"{g}_{s}" for g in gains for s in ("hi", "lo")), *"ABCD", "a_hi", "a_lo", "c_hi", "c_lo"):
-        stem = name if any(key[0] == name for key in found) else name[0]  # both framers have the same one
-        for (q, *index), value in np.ndenumerate(getattr(t, name)):
-            assert found[stem, modes[q], *index] == float(value), (name, q, index)
-    for name, label in (() if t.vary is None else (*((k, f"{k}_theta") for k in "MGL"), *((k, k) for k in (
-            "R", "S", "E", "Ra", "Sa", "theta_lo", "theta_hi")))):
-        for (q, *index), value in np.ndenumerate(getattr(t.vary, name)):
-            assert found[label, modes[q], *index] == float(value), (name, q, index)
+    gains = "MGLNd" if design.observer.family == "tnl" else "MGLd"
+    every_number_of_framers(t, found, modes, gains, (*"ABCD", "a_hi", "a_lo", "c_hi", "c_lo"))
     for name in ("x_lo", "x_hi", "x0_lo", "x0_hi", "u_lo", "u_hi", "y_lo", "y_hi"):
         for (i,), value in np.ndenumerate(getattr(t, name)):
             assert found[name, "", i] == float(value)

@@ -195,7 +195,7 @@ FALSE = {
         ("energy", "contraction", lambda f: 0.99 * f, "decay: smallest pivot"),
         ("certificate", "limit", lambda T: T / 100, "steps: limit of the period"),
         ("energy", "P1", lambda P: [[-x for x in row] for row in P], "P1 is not a symmetric, positive definite"),
-        ("thresholds", "bounds", lambda b: [[0.3 * x for x in row] for row in b], "not kept"),
+        ("thresholds", "bounds", lambda b: [[0.98 * x for x in row] for row in b], "not kept"),
         ("start", "", lambda k: k - 1, "starts at")),
     "quadrotor_tracking": (
         ("loop", "decay", lambda d: d | {"factor": 0.99 * d["factor"]}, "loop-decay: smallest pivot"),

@@ -218,6 +218,7 @@ def test_prove_and_target_enter_their_results(cart, monkeypatch, result, status)
     from codegen.target import gappa, onboard, prove
 
     monkeypatch.setattr(prove, "prove", lambda folder: result)
+    monkeypatch.setattr(gappa, "nothing_to_prove", lambda folder: "")
     monkeypatch.setattr(gappa, "prove_rounding", lambda folder: ROUNDED)
     monkeypatch.setattr(onboard, "run_all", lambda *args: [])
     assert residua("prove", cart).exit_code == status

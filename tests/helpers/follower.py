@@ -26,6 +26,7 @@ PLANTS = {"hidden": DISCRETE.replace(*NOISY), "wide": WIDE}
 #: Plant, options of the set and whether there is a gain N, by name.
 CASES = {"zonotope": ("wide", {}, True), "box": ("hidden", {"set": "interval"}, True),
          "ellipsoid": ("wide", {"set": "ellipsoid"}, False),
+         "table": ("wide", {"tables": "dwell", "rows": 8}, True),
          "trace": ("hidden", {"set": "ellipsoid", "weights": "trace"}, False)}
 AGES = 3
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 
 
@@ -29,6 +31,31 @@ def every_number_of_the_family(t, found, modes):
             assert found[name, *key] == float(v), (name, index)
             checked += 1
     assert checked == len(found)
+
+
+def every_number_of_framers(t, found, modes, gains, names):
+    """Gains, open loop, parameters of framers that are told their mode; returns what it looked at."""
+    checked = set()
+    for name in (*(f"{g}_{s}" for g in gains for s in ("hi", "lo")), *names):
+        stem = name if any(key[0] == name for key in found) else name[0]  # both framers have the same one
+        for (q, *index), value in np.ndenumerate(getattr(t, name)):
+            assert found[stem, modes[q], *index] == float(value), (name, q, index)
+            checked.add((stem, modes[q], *index))
+    for name, label in (() if t.vary is None else (*((k, f"{k}_theta") for k in "MGL"), *((k, k) for k in (
+            "R", "S", "E", "Ra", "Sa", "theta_lo", "theta_hi")))):
+        for (q, *index), value in np.ndenumerate(getattr(t.vary, name)):
+            assert found[label, modes[q], *index] == float(value), (name, q, index)
+            checked.add((label, modes[q], *index))
+    return checked
+
+
+def every_number_of_driven(t, found, modes):
+    """Those of the framers, of the estimator, and of what joins them; beside it weights of the parameters."""
+    checked = every_number_of_framers(t.told, found, modes, "MGLNd", ("A", "B", "a_hi", "a_lo"))
+    rest = {k: v for k, v in found.items() if k not in checked and k[0] != "theta_weight"}
+    own = {k: v for k, v in vars(t).items() if k not in ("S", "S_rounded", "told")}
+    joint = {"frame_limit": t.told.box, "forth": t.S_rounded}
+    every_number_of_the_family(SimpleNamespace(**own, **joint), rest, modes)
 
 
 def every_number_of_a_bank(t, found):

@@ -49,7 +49,8 @@ def test_designs_live_together(tmp_path):
 MUTANTS = {  # what a generator might get wrong, and who must notice: the hand-written tests, or the golden vectors
     "state not cleared": (r"    s->run = 0U;\n(?=    s->latched)", "", "observer"),
     "mode accepted": (r"in->mode >= CART_MODES", "in->mode > CART_MODES", "observer"),
-    "input not checked": (r"else if \(!cart_u_accepted\(in\)\)", "else if (in->mode > CART_MODES)", "observer"),
+    "input not checked": (r"else if \(!cart_u_accepted\(in\)\)",
+                          "else if (!cart_u_accepted(in) && (in->mode > CART_MODES))", "observer"),
     "nan accepted": (r"\(in->y\[1\] >= (\S+)\) && \(in->y\[1\] <= (\S+)\)",
                      r"!((in->y[1] < \1) || (in->y[1] > \2))", "observer"),
     "output written on refusal": (r"status = CART_BAD_OUTPUT;", "status = CART_BAD_OUTPUT; out->raw = 9U;", "observer"),

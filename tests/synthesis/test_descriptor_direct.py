@@ -19,7 +19,7 @@ from codegen.observers.polytopic_step import evaluate
 from codegen.plant.load import load, loads
 from codegen.selection.descriptor_designs import propose, tables
 from codegen.selection.descriptors import problem_and_scaling
-from codegen.selection.polytopes import default
+from codegen.selection.polytopes import in_turn
 from codegen.selection.polytopic_designs import check
 from codegen.selection.polytopic_tables import limited
 from codegen.synthesis import METHODS, descriptor_direct
@@ -197,8 +197,8 @@ def test_what_stands_in_the_way_is_said():
     others, own = METHODS["descriptor-uncertain"].module, METHODS["descriptor-direct"].module
     contact, text = load("disc_contact"), load("dlpv").text
     assert others.inapplicable(contact).endswith('use method "descriptor-direct".')
-    assert default(contact) == "descriptor-direct" and own.inapplicable(contact) is None
-    assert default(load("dlpv")) == "descriptor-uncertain"
+    assert in_turn(contact) == ["descriptor-direct"] and own.inapplicable(contact) is None
+    assert in_turn(load("dlpv")) == ["descriptor-uncertain", "descriptor-discrete"]
     mixed = loads(text.replace("[0, 1, 0], [0, 0, 0]]\nC", "[0, 1, 1], [0, 0, 0]]\nC"))
     assert own.inapplicable(mixed).startswith("E has 0 columns of zeros and 1 algebraic equations")
     turned = loads(text.replace("[-2, 4, 7]", "[-2, 4, -7]"))

@@ -103,6 +103,43 @@ def test_wrong_mode_or_no_noise_loses_the_truth():
     assert lost("zonotope", shrunk, "float32")[0] > 0
 
 
+class AlwaysSmall(FollowerObserver):
+    """Starts every table with the smallest size."""
+
+    def started(self, t, lo, hi):
+        """As before, another size."""
+        x, shape, origin = super().started(t, lo, hi)
+        return x, np.stack([np.full(len(x), t.told.shape.anew - 1), shape[:, 1]], axis=1), origin
+
+
+def test_smaller_thresholds_lose_the_truth():
+    """Those of residuals, the widths, rows that come too early, and sizes that do not hold the start."""
+    t = tables("table", "float32")
+    z, early = t.told.shape, lambda rows: np.concatenate([rows[:, :, 3:], *[rows[:, :, -1:]] * 3], axis=2)
+    assert lost("table", t, "float32")[0] == 0
+    for wrong in (replace(z, h=z.h * np.float32(0.5)), replace(z, hx=z.hx * np.float32(0.5)),
+                  replace(z, h=early(z.h), hx=early(z.hx)), replace(z, sizes=z.sizes * np.float32(8))):
+        assert lost("table", replace(t, told=replace(t.told, shape=wrong)), "float32")[0] > 0
+    assert lost("table", t, "float32", AlwaysSmall)[0] > 0
+
+
+@pytest.mark.parametrize("real", ["float32", "float64"])
+def test_a_start_takes_a_size_that_holds_it(real):
+    """The smallest of the listed ones, and none of them where a half width is larger."""
+    t = tables("table", real)
+    z, run = t.told.shape, FollowerObserver({real: t}, Supervision())
+    run.start(t, 1)
+    rng = np.random.default_rng(2)
+    half = (10.0 ** rng.uniform(-4, 1, (300, len(t.x_lo)))).astype(real)
+    half[:len(z.sizes)] = z.sizes
+    size, since = run.inner.begun(t.told, half).T
+    assert set(size) == set(range(len(z.sizes) + 1)) and not since.any()
+    for d, k in zip(half, size):
+        assert k == z.anew or np.all(d <= z.sizes[k])
+        assert k == z.anew - 1 or not np.all(d <= z.sizes[k + 1 if k < z.anew else 0])
+    assert list(size[:len(z.sizes)]) == list(range(len(z.sizes)))
+
+
 @pytest.mark.parametrize("name, real", [("ellipsoid", "float32"), ("box", "float64")])
 def test_a_start_holds_its_box(name, real):
     """Exactly: boxes of every size, single points and numbers below the normal ones among them."""
@@ -135,6 +172,14 @@ def test_parts_go_together():
     cert = {"told": told("box", "float32")[1]}
     own, tenth = t.told, np.float32(0.1)
     weaker = replace(own, shape=replace(own.shape, g=own.shape.g * np.float32(0.9)))
+    table, sized = tables("table", "float32"), {"told": told("table", "float32")[1]}
+    z = table.told.shape
+    for wrong, words in ((replace(z, sizes=z.sizes * np.float32(1.1)), "start 0 in mode 0: .*stage 0"),
+                         (replace(z, h=z.h[1:], hx=z.hx[1:]), "parts of the table"),
+                         (replace(z, hx=z.hx * np.float32(0.98)), "row 0"),
+                         (replace(z, h=np.minimum(z.h, z.h[:1])), "start 4 in mode")):
+        with pytest.raises(CertificateError, match=words):
+            follower_certificate.check(plant("table"), replace(table, told=replace(table.told, shape=wrong)), sized)
     for wrong, words in ((replace(t, xi_room=t.xi_room * tenth), "xi_room"), (replace(t, u_hi=t.u_hi * 2), "u_hi"),
                          (replace(t, x_hi=t.x_hi * 9), "ranges of x"), (replace(t, grow=np.float32(1)), "grow"),
                          (replace(t, square=np.float32(2)), "square"), (replace(t, floor=t.floor * tenth), "floor"),
@@ -189,7 +234,8 @@ def test_tampering_is_caught(place, words):
 
 
 @pytest.mark.parametrize("old, new, words", [
-    ("known = false", "known = true", "ages|modes"), ("order     = 8", 'tables    = "dwell"', 'expected "none"'),
+    ("known = false", "known = true", "ages|modes"),
+    ("order     = 8", 'tables    = "arbitrary"', 'expected "none" or "dwell"'),
     ("minimum_dwell = 1 ", "# ", "cannot be found there: no dwell time is declared")])
 def test_refusals(old, new, words):
     text = load("fan").text.replace(old, new).replace("[observer]", '[observer]\nmodes = "set"')

@@ -13,7 +13,7 @@ from synthesis.test_independent import CHECKER
 
 from codegen.emit import files
 
-LAYOUTS = {"zonotope": "literal", "box": "loop", "ellipsoid": "table", "trace": "literal"}
+LAYOUTS = {"zonotope": "literal", "box": "loop", "ellipsoid": "table", "table": "table", "trace": "literal"}
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +62,9 @@ FALSE = {  # case, what of the tables, factor, words
     "squares": ("ellipsoid", ("square",), 0.99, "square"), "floor": ("box", ("floor",), 0.05, "floor"),
     "inputs": ("box", ("u_hi",), 1.5, "reach of mode|accepted beyond"), "range of x": (
         "box", ("x_lo",), 1.1, "range of x"),
+    "thresholds": ("table", ("told", "shape", "h"), 0.98, "threshold"), "widths": (
+        "table", ("told", "shape", "hx"), 0.98, "threshold"), "sizes of a start": (
+        "table", ("told", "shape", "sizes"), 1.1, "threshold"),
     "range of the observer": ("box", ("told", "x_hi"), 0.9, "box x too small"),
 }
 
@@ -104,4 +107,22 @@ def test_changed_c_is_refused(checker):
         assert count == 1 and other != text, pattern
         with pytest.raises(SystemExit, match="refused: "):
             checker.check_source(other, header, tables("box"), "valve")
+            pytest.fail(pattern)
+
+
+TABLE_CHANGES = (  # of the C of the table: sizes of a start, and what it is compared with
+    (r"(start\[\w+\]\[\w+\] = \{\s*\{ )2\.25", r"\g<1>3.5"),
+    (r"(width(?:\[\w+\])+ = \{\s*\{\s*\{\s*\{ )2\.25", r"\g<1>1.5"),
+    (r"(threshold(?:\[\w+\])+ = \{\s*\{\s*\{\s*\{ )4", r"\g<1>3"))
+
+
+def test_changed_table_is_refused(checker):
+    text, header = printed("table")
+    bare = re.sub(r"/\*.*?\*/", "", text)
+    checker.check_source(bare, header, tables("table"), "valve")
+    for pattern, new in TABLE_CHANGES:
+        other, count = re.subn(pattern, new, bare, count=1)
+        assert count == 1 and other != bare, pattern
+        with pytest.raises(SystemExit, match="refused: "):
+            checker.check_source(other, header, tables("table"), "valve")
             pytest.fail(pattern)

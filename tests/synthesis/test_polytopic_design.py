@@ -150,3 +150,13 @@ def test_what_does_not_apply_is_said():
         certified(moving, propose(moving, "descriptor-discrete", {}), {}, "float32")
     problem = problem_of(dlpv)
     assert np.allclose(by_steps(problem, 0.1).A[0], problem.E + 0.1 * problem.A[0])
+
+
+def test_the_first_method_that_certifies_is_taken():
+    """No set is kept at .3 s with Euler steps of an observer in continuous time; a recursion for it has one."""
+    plant, said = loads(CONTINUOUS.replace("sample_period = 0.02", "sample_period = 0.3")), []
+    design = choose(plant, None, {"set_rows": 8}, said.append)
+    assert design.method == "descriptor-discrete" and recheck(design)
+    assert any(line.startswith("descriptor-uncertain: tank: no set of the error") for line in said)
+    with pytest.raises(DesignError, match="descriptor-uncertain: no observer was found"):
+        choose(loads(CONTINUOUS.replace("sample_period = 0.02", "sample_period = 5")), None, {}, said.append)

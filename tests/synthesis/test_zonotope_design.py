@@ -393,4 +393,4 @@ def test_wrong_poles_are_told():
 def test_what_has_no_point_observer_says_why():
     assert zonotope.inapplicable(PLANT) is None
     assert "continuous" in zonotope.inapplicable(load("buck"))
-    assert "switching.known" in zonotope.inapplicable(replace(PLANT, switching=Switching(known=False)))
+    assert "expected switching.minimum_dwell" in zonotope.inapplicable(replace(PLANT, switching=Switching(known=False)))
