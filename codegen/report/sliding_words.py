@@ -59,7 +59,7 @@ def _paced(cert: dict) -> tuple[Table, ...]:
         return ()
     rows = [(words.seconds(c["dwell"]), words.integer(c["switches"]), _time(c["median"]),
              Cell("not before the next switch", "num warn") if c["missed"] else Cell(_time(c["longest"]), "num"),
-             words.share(c["wrong"], 1), words.share(c["alarms"], 1), words.share(c["lost"], 1))
+             *(words.quantity(words.at_most(100 * c[key], 2), "%") for key in ("wrong", "alarms", "lost")))
             for c in cert["paced"]]
     head = ("least dwell time", "#switches", "#median delay", "#longest delay", "#samples with a wrong mode",
             "#samples with a false alarm", "#samples with a lost state")
