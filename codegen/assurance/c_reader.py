@@ -21,13 +21,14 @@ TYPES = ("typedef int {p}_real; typedef int {p}_status; typedef int bool; typede
 class Source:
     """A C file read: its functions, and the integer macros of it and its header.
 
-    ``lines`` are the text's, from 0.
+    ``lines`` are the text's, from 0; ``others`` is all that is no function: types.
     """
 
     name: str
     lines: tuple[str, ...]
     functions: dict[str, c_ast.FuncDef]
     macros: dict[str, int]
+    others: tuple[Node, ...] = ()
 
     def function(self, name: str) -> c_ast.FuncDef:
         """Return a function's definition.
@@ -68,7 +69,9 @@ def read(prefix: str, text: str, header: str) -> Source:
         raise CertificateError(f"{name}: cannot be read as C ({error}). Print it again.") from error
     functions = {n.decl.name: n for n in tree.ext if isinstance(n, c_ast.FuncDef)}
     macros = {m[1]: int(m[2], 0) for m in re.finditer(r"(?m)^#define (\w+) (0x[0-9A-F]+|\d+)U\b", header + "\n" + text)}
-    return Source(name, tuple(text.splitlines()), functions, macros | {"true": 1, "false": 0})
+    macros |= {m[1]: macros[m[2]] for m in re.finditer(r"(?m)^#define (\w+) (\w+)(?= |$)", text) if m[2] in macros}
+    others = tuple(n for n in tree.ext if not isinstance(n, c_ast.FuncDef))
+    return Source(name, tuple(text.splitlines()), functions, macros | {"true": 1, "false": 0}, others)
 
 
 def apart(prefix: str) -> frozenset[str]:

@@ -1,10 +1,10 @@
-"""Where every constant stands in the C of filters, mode estimators, driven framers, polytopic observers and banks.
+"""Where every constant stands in the C of filters, mode estimators and what they drive, polytopic observers and banks.
 
-The maps of a filter and of driven framers are executed with symbols, as those of framers are (``places``); sums of
-polytopic observers and of banks are read one by one. All the rest, and mode estimators whole, is the same text for all
-numbers: its tables are read number for number, and all that is no number must be the tree of the C as it is printed
-anew, as with the sets of point observers (``point_places``). Directives of the preprocessor are no part of the tree:
-they are compared line by line, and numbers that they define are read.
+The maps of a filter, of driven framers and of a point observer that follows are executed with symbols, as those of
+framers are (``places``); sums of polytopic observers and of banks are read one by one. All the rest, and mode
+estimators whole, is the same text for all numbers: its tables are read number for number, and all that is no number
+must be the tree of the C as it is printed anew, as with the sets of point observers (``point_places``). Directives of
+the preprocessor are no part of the tree: they are compared line by line, and numbers that they define are read.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..emit import driven_parts, filter_parts
+from ..emit import driven_parts, filter_parts, follower_parts, point_parts
 from ..emit.maps import MapSpec, Names
 from ..emit.render import render
 from ..emit.varying import Varying
 from ..errors import CertificateError
 from .bank_places import read_bank, tables_of
 from .c_reader import Source, read
+from .follower_places import joint_of, read_told
 from .point_places import UNPRINTED, read_tables, require_all, same_tree
 from .polytopic_places import read_polytopic
 from .symbolic import Coefficient, number
@@ -39,7 +40,9 @@ DEFINED = r"#define (\w+) ((?=[\d.]*[.e])\d[\d.]*(?:e[+-]?\d+)?F?)(?=\s|$)"
 
 
 def maps(family: str, t, names: Names, d) -> tuple[MapSpec | Varying, ...]:
-    """The affine maps that can be executed with symbols, of filters and driven framers."""
+    """The affine maps that can be executed with symbols, of filters, driven framers and observers that follow."""
+    if family == "follower":
+        return point_parts.maps(t.told, follower_parts.inner_names(names), d.x, d.y)
     if family == "driven":
         return driven_parts.maps(t.told, names, d.x, d.y)
     return filter_parts.maps(t, names, next(z.faults for z in d.sets)) if family == "filter" else ()
@@ -67,7 +70,7 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
     fresh = read(d.prefix, render(f"{d.family}.c.jinja", d=d), render(d.header, d=d))
     same_tree(source, fresh)
     same_directives(source, fresh)
-    if design.observer.family == "polytopic":  # its sums are statements, read one by one
+    if design.observer.family in ("polytopic", "descriptor"):  # its sums are statements, read one by one
         read_apart |= read_polytopic(source, d.prefix, t, found)
         read_tables(source, d.real, {}, [], read_apart, set(), set(), found)
         return
@@ -78,7 +81,11 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
         return
     every, boxes = {f.name: getattr(t, f.name) for f in fields(t)}, PRINTED.get(design.observer.family, set())
     known = {k: v for k, v in every.items() if isinstance(v, np.ndarray) and k not in (UNPRINTED - boxes) | OFFLINE}
-    known |= {"frame_limit": t.told.box, "forth": t.S_rounded} if "told" in every else {}  # as the C calls them
+    if design.observer.family == "follower":
+        read_apart, known = read_apart | read_told(source, design, d, t, read_apart, found), known | joint_of(t)
+        known = {k: v for k, v in known.items() if k != "square" or t.by_squares}
+    elif "told" in every:
+        known |= {"frame_limit": t.told.box, "forth": t.S_rounded}  # as the C calls them
     seen = set(READ_BY_MAPS) if design.observer.family == "filter" else set()
     defined = read_macros(source, d.macro, d.real, known, found)
     seen |= defined

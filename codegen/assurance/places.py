@@ -79,12 +79,13 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
         specs = (point_parts.maps(t, names, d.x, d.y) if points else own_places.maps(family, t, names, d) if whole
                  else _maps(family, t, names, d))
         moved = getattr(t, "told", t)  # tables of the maps
+        part = found.part("told_") if family == "follower" else found
         for spec in specs:
             for q, mode in enumerate(names.modes):
                 if isinstance(spec, Varying):
-                    read_varying(source, spec, moved, q, mode, found)
+                    read_varying(source, spec, moved, q, mode, part)
                 else:
-                    _read_map(source, spec, q, mode, found)
+                    _read_map(source, spec, q, mode, part)
         _read_checks(source, d, names.modes or ("",), t, found)
         if whole:
             plain = [spec.spec if isinstance(spec, Varying) else spec for spec in specs]
@@ -113,10 +114,18 @@ def _maps(family: str, t, names: Names, d) -> tuple[MapSpec | Varying, ...]:
 
 
 class _Found:
-    """Collects entries by constant; the same number read twice has two lines."""
+    """Collects entries by constant; the same number read twice has two lines.
 
-    def __init__(self):
-        self.entries: dict[tuple[str, str, str], dict[tuple[int, ...], Entry]] = {}
+    ``stem`` is what names of a part begin with, whose tables have names that others have, too.
+    """
+
+    def __init__(self, entries: dict | None = None, stem: str = ""):
+        self.entries: dict[tuple[str, str, str], dict[tuple[int, ...], Entry]] = {} if entries is None else entries
+        self.stem = stem
+
+    def part(self, stem: str) -> _Found:
+        """The same collection for a part of the C."""
+        return _Found(self.entries, stem)
 
     def add(self, name: str, mode: str, function: str, index: tuple[int, ...], expected, c: Coefficient) -> None:
         """Compare what was read with what is expected, and keep it; ``minus_C`` is -C."""
@@ -127,6 +136,7 @@ class _Found:
             raise CertificateError(f"{function}: {name}{list(index)}{f' of mode {mode!r}' if mode else ''} is "
                                    f"{float(c.value)!r} in the C ({where}), expected {float(expected)!r}. Print it "
                                    "again.")
+        name = name if name == NOTHING else self.stem + name
         group = self.entries.setdefault((name, mode, function), {})
         old = group.get(index)
         lines = {*(old.lines if old else ()), *([c.line] if c.line else [])}

@@ -41,15 +41,20 @@ WORDS["ellipsoid_trace"] = (
     "box of rounding, for every a > 0; (r' R^-1 r <= 1) with slack and floor for the rounding of the test",
     "(z / c + c) / 2 >= sqrt(z) for every c > 0, scale >= (1 + 8u) / sqrt(W); spread >= |N_o Dv| v_half + rounding of "
     "x_hat -+ radius")
+WORDS["starts"] = (
+    "h[size, q, j, i] >= support in direction d_i of every residual that the error recursion with rounding allows j "
+    "samples after a start of this size in mode q, which lasts",
+    "the same with the unit vectors of x for d_i, rounding of x_hat -+ width included")
 #: Beginning of the sentence on what cannot grow, of the kinds where it is not the half widths.
 BOUNDED = {"thresholds": "the thresholds are a table", "schedule": "the thresholds are a table",
-           "blocks": "the row sums"}
+           "blocks": "the row sums", "starts": "the set is a table"}
 #: Words and formula of the ultimate width, of the kinds where no box of the hull is kept by M at every sample.
 ULTIMATE = {"ellipsoid_trace": ("The weighted trace shrinks in every mode and comes below a bound.",
                                 "M' W M < theta W, ((1 + 1/60) (theta + 3 sum W k) T)^1/2 + ((1 + 1/60) tr W H)^1/2 "
                                 "<= T^1/2, width >= 2 (T / W_i)^1/2 and spread"),
             "thresholds": ("The last stages of the table hold for ever.",
                            "width >= 2 max of the last stages' half widths"),
+            "starts": ("The last rows of the table hold for ever.", "width >= 2 max of the last rows' half widths"),
             "schedule": ("The rows of the schedule hold for ever.", "width >= 2 max of their half widths"),
             "blocks": ("A box that the hull of the set enters and does not leave at the end of a block.",
                        "|P_j| b + |G_j| 1 + e + rounding <= b, |P_j| b < b for every block")}

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..certify import residual_gain, schedules, thresholds, trace_ellipsoids
+from ..certify import starts as begins
 from ..certify.blocks import BlockDemands, first_room
 from ..certify.boxes import BoxDemands
 from ..certify.ellipsoids import ROOM, EllipsoidDemands
@@ -226,9 +227,20 @@ def carried(modes, t, cert: dict) -> dict[str, list[Margin]]:
     return out
 
 
+def begun(modes, t, cert: dict) -> dict[str, list[Margin]]:
+    """Of a table by size of the start: the least room over the supports."""
+    rows = [(Q(x), f"start {k}, mode {q}, {where}") for (k, q), room in begins.proved(modes, t).items()
+            for x, where in room.thresholds]
+    last = np.max(rational(t.shape.hx[:, :, -1]).reshape(-1, len(t.box)), axis=0)
+    return {"alarm": [tightest("threshold beyond the support of all that can be", rows)], "state": [],
+            "bounded": [_middle(t)],
+            "ultimate": [entrywise("width beyond twice the last half widths",
+                                   rational(np.array(cert["steady_box"]["width"])), 2 * last)]}
+
+
 HELD = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": table, "schedule": turn, "blocks": carried,
         "box": interval,
-        "ellipsoid_trace": least_trace}
+        "ellipsoid_trace": least_trace, "starts": begun}
 
 
 def level(modes, t, cert: dict) -> list[Margin]:

@@ -53,9 +53,9 @@ def read_sets(source: Source, design, d, t, read_apart: set[str], found) -> None
     """
     fresh = read(d.prefix, render(f"{d.family}.c.jinja", d=d), render(d.header, d=d))
     same_tree(source, fresh)
-    known = _fields(design, t)
-    _read_starts(source, d.prefix, known, found)
-    _read_cut(source, d.prefix, t, found)
+    known = known_of(type(design.observer)({t.real: t}, design.observer.supervision), t)
+    read_starts(source, d.prefix, known, found)
+    read_cut(source, d.prefix, t, found)
     modes, seen = [m.name for m in design.plant.modes], {"box", "x_hat", "x0_hat"}
     starts = {f"{d.prefix}_{name}" for name in ("init", "whole_range")}
     read_tables(source, d.real, known, modes, read_apart, starts, seen, found)
@@ -140,6 +140,11 @@ def same_tree(source: Source, fresh: Source) -> None:
             line = other[0][1] if other else source.functions[name].coord.line
             raise CertificateError(f"{source.name}:{line}: {name} is not what residua prints of this design. Print it "
                                    "again.")
+    types, expected = ([w for n in s.others for w in _words(n)] for s in (source, fresh))
+    other = next((line for (a, line), (b, _) in zip(types, expected) if a != b), None)
+    if other is not None or len(types) != len(expected):
+        raise CertificateError(f"{source.name}:{other or 1}: its types are not those that residua prints of this "
+                               "design. Print it again.")
     if source.macros != fresh.macros:
         raise CertificateError(f"{source.name}: its macros, or those of its header, are not those of the design. Print "
                                "it again.")
@@ -151,9 +156,8 @@ def _words(node: Node) -> Iterator[tuple[tuple, int]]:
         yield (type(n).__name__, *(repr(getattr(n, a)) for a in n.attr_names)), n.coord.line if n.coord else 0
 
 
-def _fields(design, t) -> dict[str, Array]:
+def known_of(runner, t) -> dict[str, Array]:
     """Numbers of the tables by name; of the sets of the initial box and of the ranges what the C holds."""
-    runner = type(design.observer)({t.real: t}, design.observer.supervision)
     known = {f.name: getattr(t, f.name) for f in fields(t)}
     known |= {f.name + " of the set" * (f.name in known): getattr(t.shape, f.name) for f in fields(t.shape)}
     known = {k: v for k, v in known.items() if isinstance(v, np.ndarray) and k not in UNPRINTED}
@@ -243,9 +247,10 @@ def _orders(name: str, value: Array) -> Iterator[Array]:
         yield at.swapaxes(0, 1).swapaxes(-2, -1).ravel()
 
 
-def _read_starts(source: Source, prefix: str, known: dict, found) -> None:
+def read_starts(source: Source, prefix: str, known: dict, found,
+                starts=(("init", "x0_hat"), ("whole_range", "x_hat"))) -> None:
     """Read the estimates of init and reset."""
-    for function, name in (("init", "x0_hat"), ("whole_range", "x_hat")):
+    for function, name in starts:
         machine = Machine(source, known[name].dtype.name, skip=frozenset(source.functions))
         body = source.function(f"{prefix}_{function}").body
         for node in body.block_items or ():
@@ -257,7 +262,7 @@ def _read_starts(source: Source, prefix: str, known: dict, found) -> None:
             found.add(name, "", f"{prefix}_{function}", (i,), value, c)
 
 
-def _read_cut(source: Source, prefix: str, t, found) -> None:
+def read_cut(source: Source, prefix: str, t, found) -> None:
     """Read the box to which the estimate is cut."""
     machine = Machine(source, t.real, clip=frozenset({f"{prefix}_clip"}))
     machine.call(f"{prefix}_cut")

@@ -66,13 +66,26 @@ def check_start(t) -> None:
     CertificateError
         Naming the constant.
     """
-    unit, tiny, n = Q(UNIT[t.real]), Q(TINY[t.real]), len(t.S)
-    keep = 1 - unit
-    enough = {"grow": Q(t.grow) * keep * keep * keep >= 1, "square": Q(t.square) * keep * keep * keep >= n,
-              "floor": (Q(t.floor) - tiny) * keep >= 3 * tiny and Q(t.floor) >= tiny * (Q(t.square) + 1)}
-    for name, good in enough.items():
-        if not good:
+    for name, room in start_rooms(t).items():
+        if room < 0:
             raise CertificateError(f"certificate: {name} is {float(getattr(t, name)):.9g}, less than what the rounding "
                                    "of a start asks for. Design again.")
     if np.any(t.x_lo < t.told.x_lo) or np.any(t.x_hi > t.told.x_hi):
         raise CertificateError("certificate: the ranges of x are wider than those of the observer's sets.")
+
+
+def start_rooms(t) -> dict:
+    """What the constants of a start have beyond the rounding that they are for: name -> exact number.
+
+    Parameters
+    ----------
+    t : FollowerTables
+
+    Returns
+    -------
+    dict
+    """
+    unit, tiny, n = Q(UNIT[t.real]), Q(TINY[t.real]), len(t.S)
+    keep = 1 - unit
+    return {"grow": Q(t.grow) * keep * keep * keep - 1, "square": Q(t.square) * keep * keep * keep - n,
+            "floor": min((Q(t.floor) - tiny) * keep - 3 * tiny, Q(t.floor) - tiny * (Q(t.square) + 1))}

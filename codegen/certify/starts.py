@@ -88,7 +88,37 @@ def check(modes, t, cert: dict) -> list[str]:
     CertificateError
         Naming size, mode, row and direction.
     """
-    z, h = t.shape, claimed_rows(t)
+    z, n = t.shape, len(t.box)
+    proved(modes, t)
+    check_middle(t)
+    width = np.array(cert["steady_box"]["width"])
+    if np.any(rational(width) < 2 * np.max(rational(z.hx[:, :, -1]).reshape(-1, n), axis=0)):
+        raise CertificateError("certificate: the ultimate width is less than in the table's last rows.")
+    return ["the residual lies within its thresholds from a start on while the mode is the same and no fault acts, "
+            f"rounding included ({t.real}, with or without fused multiply-add)",
+            "x_lo <= x <= x_hi from a start on while the mode is the same and no fault acts", f"the set is {words(z)}",
+            f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], in one mode"]
+
+
+def proved(modes, t) -> dict:
+    """Prove every part of a table; return by how much each holds: (size, mode) -> ``thresholds.Room``.
+
+    Parameters
+    ----------
+    modes : sequence
+        The plant's modes.
+    t : PointTables
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    CertificateError
+        Naming size, mode, row and direction.
+    """
+    z, h, out = t.shape, claimed_rows(t), {}
     if len(z.h) != len(z.sizes) + 1:
         raise CertificateError(f"certificate: {len(z.h)} parts of the table (found) for {len(z.sizes)} sizes of a "
                                "start, expected one more.")
@@ -99,17 +129,10 @@ def check(modes, t, cert: dict) -> list[str]:
             claim = SimpleNamespace(directions=directions, h=h[k:k + 1, q:q + 1], boxes=np.zeros((1, 1, n)), dwell=1,
                                     back=0, coordinates=np.eye(n)[None])
             try:
-                prove_dwell(m, H0, claim)
+                out[k, q] = prove_dwell(m, H0, claim)
             except CertificateError as error:
                 raise CertificateError(f"certificate: start {k} in mode {q}: {error}") from None
-    check_middle(t)
-    width = np.array(cert["steady_box"]["width"])
-    if np.any(rational(width) < 2 * np.max(rational(z.hx[:, :, -1]).reshape(-1, n), axis=0)):
-        raise CertificateError("certificate: the ultimate width is less than in the table's last rows.")
-    return ["the residual lies within its thresholds from a start on while the mode is the same and no fault acts, "
-            f"rounding included ({t.real}, with or without fused multiply-add)",
-            "x_lo <= x <= x_hi from a start on while the mode is the same and no fault acts", f"the set is {words(z)}",
-            f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], in one mode"]
+    return out
 
 
 def words(z) -> str:

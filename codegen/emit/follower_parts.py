@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ..observers.point import centred
 from ..observers.supervisor import Supervision
 from . import mode_parts, point_parts
 from .cprint import initialiser, literal
@@ -92,7 +91,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     """
     m, real, (x, u, y, _) = names.macro, names.real_type, signals
     own = mode_parts.parts("mode", t, s, names, signals, layout)
-    inner = replace(names, prefix=f"{names.prefix}_told", macro=f"{m}_TOLD", checked=True)
+    inner = inner_names(names)
     told = point_parts.parts(t.set, t.told, Supervision(), inner, signals, layout)
     shape = next(count for name, count in told.lengths if name == "NSHAPE")  # none of a table
     sizes = {"x_hat": (f"{m}_NX", len(x)), "u": (f"{m}_NU", len(u)), "y": (f"{m}_NY", len(y)),
@@ -122,6 +121,11 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
                    self_test="harness/test_follower.c.jinja", state=state, out_fields=out,
                    operations=own.operations + told.operations + _more(t), sets=(view,),
                    lengths=(*own.lengths, ("NTOLD", shape)))
+
+
+def inner_names(names: Names) -> Names:
+    """Names of the inner C, which is given a mode that has been checked."""
+    return replace(names, prefix=f"{names.prefix}_told", macro=f"{names.macro}_TOLD", checked=True)
 
 
 def _inner(told: Parts, t, inner: Names, names: Names, signals: tuple) -> InnerView:
@@ -159,7 +163,7 @@ def _view(mode: ModeView, t, names: Names, vectors: tuple[Copy, ...], words: tup
     turned = () if t.by_squares or not getattr(t.told.shape, "turned", False) else (Table(
         "turn", f"[{m}_NX][{m}_NX]", (), tuple(f"{initialiser(row, real)}," for row in t.told.shape.Z)),)
     ranges = tuple(vector(name, values) for name, values in (
-        ("least", t.x_lo), ("most", t.x_hi), ("widest", centred(t.told.x_lo, t.told.x_hi, t.dtype)[1])))
+        ("least", t.x_lo), ("most", t.x_hi), ("widest", t.widest)))
     size = Size("NTOLD", f"{shape}U", "numbers of the error set")
     return FollowerView(
         **vars(mode) | {"sizes": (*mode.sizes, size)}, told=inner,
@@ -178,4 +182,4 @@ def _more(t) -> Operations:
     return Operations(multiply=2 * n * n * (1 + hulls * ages) + 4 * n + n * n,
                       add=2 * n * n * (1 + hulls * ages) + 2 * n * (1 + hulls * ages) + 4 * ages * n + 5 * n + n * n,
                       compare=n * n * (1 + hulls * ages) + 2 * n * hulls * (ages + 1) + 3 * ages * n + 2 * n * n_modes
-                      + 9 * n)
+                      + 11 * n)

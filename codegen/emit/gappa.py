@@ -53,6 +53,9 @@ ABOUT_POLYTOPIC = ("operation rounded and once exact. What they may differ by is
 ABOUT_DRIVEN = ("operation rounded and once exact. What they may differ by is the margin: of the framers what their",
                 "offsets leave over, of the boxes what they gain for the rounding of this sum. All layouts calculate",
                 "these sums: a")
+ABOUT_FOLLOWER = ("operation rounded and once exact. What they may differ by is the margin: of the estimate what the",
+                  "set of errors gets, of the boxes what they gain for the rounding of this sum. All layouts calculate",
+                  "these sums: a")
 OWN = r"\bm_(?=\d)"  # max(-x_lo, x_hi) of framers; boxes have one, too
 LAST = "Last in a residual the measurement is subtracted: that keeps the sign, which is what an alarm looks at."
 LAST_POINTS = "A comparison with a bound looks at the sign of a difference, which rounding keeps."
@@ -131,10 +134,12 @@ def rounding(design, d: DesignView) -> RoundingView:
     t = design.observer.tables[d.real]
     names = Names(d.prefix, d.macro, d.real, tuple(m.name for m in d.modes), tuple(m.macro for m in d.modes))
     if d.sets:
-        if d.family == "polytopic":
+        if d.family in ("polytopic", "descriptor"):
             return _of_polytopic(design.plant, t, d)
         if d.family == "driven":
             return _of_driven(design.plant, t, names, d)
+        if d.family == "follower":
+            return _of_follower(design.plant, t, names, d)
         about = _of_points if hasattr(t, "shape") else {"filter": _of_filter, "mode": _of_boxes,
                                                         "sliding": _of_pairs}[d.family]
         modes = (design.plant if d.family in ("mode", "sliding") else design.plant.observed).modes
@@ -219,6 +224,19 @@ def _of_driven(plant, t, names: Names, d: DesignView) -> RoundingView:
         operands.setdefault(re.sub(OWN, r"frame_\g<0>", name), ends)  # what is accepted, is by both
     return RoundingView(FORMAT[d.real], tuple(Operand(name, *ends) for name, ends in operands.items()), computed, rows,
                         float(np.finfo(t.dtype).max).hex(), ABOUT_DRIVEN, LAST_POINTS)
+
+
+def _of_follower(plant, t, names: Names, d: DesignView) -> RoundingView:
+    """State the sums of the estimator, of the estimate in every mode, and of S x of its bounds."""
+    told = _of_points(plant.observed.modes, t.told, replace(names, prefix=f"{names.prefix}_told"), d)
+    boxes = itertools.chain(gappa_boxes.sums(plant.modes, t, names.prefix),
+                            gappa_boxes.narrowed(t, names.prefix, "s_told", "the estimate's bounds"))
+    operands = {name: Operand(name, *ends) for name, *ends in gappa_boxes.operands(t)}
+    operands = {o.name: o for o in told.operands} | operands  # what is accepted, is by both
+    bounds = tuple(Operand(f"s_told_{side}_{k}", (-b).hex(), b.hex())
+                   for k, b in enumerate(t.told.box.astype(float)) for side in SIDES)
+    rows = (*(_row(s.name, s.note, s.terms, s.margin) for s in boxes), *told.rows)
+    return replace(told, operands=(*operands.values(), *bounds), rows=rows, about=ABOUT_FOLLOWER)
 
 
 def _own_magnitudes(row: Row) -> Row:

@@ -73,18 +73,21 @@ def sums(modes, t, prefix: str) -> Iterator[BoxSum]:
                          tuple(terms), room.born(p, q, i))
 
 
-def narrowed(t, prefix: str) -> Iterator[BoxSum]:
-    """State what framers make of S x, which boxes are cut to.
+def narrowed(t, prefix: str, of: str = "s_x", whose: str = "framers") -> Iterator[BoxSum]:
+    """State what framers, or the bounds of an observer, make of S x, which boxes are cut to.
 
     Parameters
     ----------
-    t : DrivenTables
+    t : DrivenTables or FollowerTables
     prefix : str
+    of : str
+        Variables of the bounds, without side and index.
+    whose : str
 
     Yields
     ------
     BoxSum
-        Of the numbers s->x_lo and s->x_hi of framers.
+        Of the numbers s->x_lo and s->x_hi of framers, or those that ``of`` says.
     """
     n = len(t.xi_room)
     gamma = (n + 2) * UNIT[t.real] / (1 - (n + 2) * UNIT[t.real])
@@ -92,8 +95,8 @@ def narrowed(t, prefix: str) -> Iterator[BoxSum]:
     for i, row in enumerate(t.S_rounded):
         size = sum((abs(Q(a)) * Q(b) for a, b in zip(row, t.told.box)), Q(t.xi_room[i]))
         for side in SIDES:
-            terms = [*_image(row, side, "s_x"), _number(_outward(t.xi_room[i], side))]
-            yield BoxSum(f"{prefix}_narrowed_{side}_{i}", f"xi[{i}] of framers, {side}", _join(terms),
+            terms = [*_image(row, side, of), _number(_outward(t.xi_room[i], side))]
+            yield BoxSum(f"{prefix}_narrowed_{side}_{i}", f"xi[{i}] of {whose}, {side}", _join(terms),
                          down(gamma * size + tiny))
 
 

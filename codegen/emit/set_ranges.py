@@ -114,6 +114,11 @@ def thresholds(t, members: dict[str, str]) -> Ranges:
     return Ranges({}, {"stage": len(t.shape.h) - 1, "since": t.shape.cap}, ())
 
 
+def begun(t, members: dict[str, str]) -> Ranges:
+    """Size of the start, and count."""
+    return Ranges({}, {"stage": t.shape.anew, "since": t.shape.cap}, ())
+
+
 def schedule(t, members: dict[str, str]) -> Ranges:
     """Place in the schedule, and count."""
     return Ranges({}, {"phase_at": len(t.shape.cycle), "since": t.shape.settled}, ())
@@ -162,17 +167,36 @@ def bank(t, members: dict[str, str]) -> Ranges:
 
 def driven(t, members: dict[str, str]) -> Ranges:
     """The same, where framers may have cut a box that is dead; framers of a mode that is possible; a bit per mode."""
-    boxes, told, n_modes = modes(t, members), t.told.box.astype(float), len(t.Phi)
-    image = np.abs(t.S_rounded.astype(float)) @ told + 2 * t.xi_room.astype(float)
-    most = np.maximum(carried(t), (1.001 * image).astype(t.dtype))
-    frames, pairs = np.tile(t.told.box, n_modes), n_modes * (t.ages + 1)
-    numbers = {f"box_{side}": (-np.tile(most, pairs), np.tile(most, pairs)) for side in ("lo", "hi")}
-    numbers |= {f"frame_{side}": (-frames, frames) for side in ("lo", "hi")}
+    boxes, n_modes = modes(t, members), len(t.Phi)
+    frames = np.tile(t.told.box, n_modes)
+    numbers = narrowed(t) | {f"frame_{side}": (-frames, frames) for side in ("lo", "hi")}
     return Ranges(numbers, boxes.words | {"framed": 2**n_modes - 1, "measured": 1},
                   ("When a call ends each box has been cut to its limits and carried over one period, or is one of the",
                    "boxes to start from, or has been found empty. Bounds of a mode whose bit of framed is set are in",
                    "order and have been cut at both ends; others are not read. From there Eva shows that all stays",
                    "finite."))
+
+
+def follower(t, members: dict[str, str]) -> Ranges:
+    """Boxes alike; of the observer a set as where its mode is told, estimate and bounds that are cut to its box."""
+    boxes, told = modes(t, members), t.told
+    inner = RANGES.get(t.set, within_limits)(told, {"shape": "real"})
+    kept = dict.fromkeys(("told_x_hat", "told_lo", "told_hi"), (-told.box, told.box))
+    kept |= {f"told_{name}": (np.minimum(lo, 0), np.maximum(hi, 0)) for name, lo, hi in (  # zero is what init stores
+        ("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi))}
+    words = boxes.words | {"followed": len(t.Phi), "measured": 1}
+    numbers = narrowed(t) | {f"told_{name}": ends for name, ends in inner.numbers.items()}
+    return Ranges(numbers, words | {f"told_{name}": most for name, most in inner.words.items()}, (
+        "When a call ends each box has been cut to its limits and carried over one period, or is one of the",
+        "boxes to start from, or has been found empty. From there Eva shows that all stays finite.",
+        *inner.about), kept)
+
+
+def narrowed(t) -> dict:
+    """Ends of boxes that are cut to S x of bounds within the box of framers or of an observer, too."""
+    image = np.abs(t.S_rounded.astype(float)) @ t.told.box.astype(float) + 2 * t.xi_room.astype(float)
+    most = np.tile(np.maximum(carried(t), (1.001 * image).astype(t.dtype)), len(t.Phi) * (t.ages + 1))
+    return {f"box_{side}": (-most, most) for side in ("lo", "hi")}
 
 
 def carried(t) -> Array:
@@ -203,4 +227,5 @@ def _origin(t) -> dict:
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
-          "mode": modes, "driven": driven, "polytopic": polytopic, "sliding": pairs, "bank": bank}
+          "mode": modes, "driven": driven, "follower": follower, "polytopic": polytopic, "descriptor": polytopic,
+          "sliding": pairs, "bank": bank, "starts": begun}

@@ -31,7 +31,7 @@ from .ellipsoid_trace import EllipsoidTraceObserver
 from .mode_observer import ModeObserver, ModeTrace, expected, merged
 from .mode_set import ModeSet, ModeState, image, pack_modes
 from .mode_tables import ModeTables
-from .point import PointTables, blind, centred, forward, residual
+from .point import PointObserver, PointTables, blind, centred, forward, residual
 from .runner import pack
 from .starts import StartObserver
 from .supervisor import Supervision, judge, undisturbed
@@ -73,6 +73,16 @@ class FollowerTables(ModeTables):
     def by_squares(self) -> bool:
         """Whether a set begins with squares of half widths."""
         return self.set.startswith("ellipsoid")
+
+    @property
+    def widest(self) -> Array:
+        """Half widths of the observer's range (n_x,): a start that is wider is the whole range."""
+        return centred(self.told.x_lo, self.told.x_hi, self.dtype)[1]
+
+    @property
+    def alone(self) -> PointObserver:
+        """The observer that is told its mode, by itself."""
+        return SETS[self.set]({self.real: self.told}, Supervision())
 
     @property
     def by_table(self) -> bool:
@@ -126,13 +136,12 @@ class FollowerObserver(ModeObserver):
     family = "follower"
     tables_class = FollowerTables
     trace_class = FollowerTrace
-    stated = False
 
     def start(self, t: FollowerTables, runs: int, x0_lo: Array | None = None, x0_hi: Array | None = None) -> None:
         """Set all runs to the initial box (``<p>_init``)."""
         super().start(t, runs, x0_lo, x0_hi)
         n_modes, n, n_u, n_y = t.sizes
-        self.inner = SETS[t.set]({t.real: t.told}, Supervision())
+        self.inner = t.alone
         self.followed = np.full(runs, n_modes)
         self.x_hat = np.zeros((runs, n), dtype=t.dtype)
         self.set = self.inner.whole(t.told, self.x_hat)  # not read before it starts
@@ -210,7 +219,7 @@ class FollowerObserver(ModeObserver):
         x, shape, origin, radius = self.settled(told, p, x, shape, origin, radius)
         r = residual(told, p, x, u, y)
         outside = self.inner.judged(told, p, origin, shape, r)[1].any(axis=1) & measured & kept
-        own = np.maximum(x - radius, -told.box), np.minimum(x + radius, told.box)
+        own = np.clip(x - radius, -told.box, told.box), np.clip(x + radius, -told.box, told.box)
         now.alive[rows, p] &= ~(outside[:, None] & older)
         narrow(t, now, rows, p, kept, *own)
         kept = kept & (now.alive[rows, p] & older).any(axis=-1)
@@ -245,11 +254,10 @@ class FollowerObserver(ModeObserver):
             shape = self.inner.begun(t.told, half)
         else:
             shape = self.inner.whole(t.told, half)
-        widest = centred(t.told.x_lo, t.told.x_hi, t.dtype)[1]
         whole = self.anywhere(t.told, len(x))
         if t.by_table:
-            whole = whole[0], self.inner.begun(t.told, np.broadcast_to(widest, half.shape)), whole[2]
-        return chosen((half > widest).any(axis=1), whole, (x, shape, np.full(len(x), t.told.origins - 1)))
+            whole = whole[0], self.inner.begun(t.told, np.broadcast_to(t.widest, half.shape)), whole[2]
+        return chosen((half > t.widest).any(axis=1), whole, (x, shape, np.full(len(x), t.told.origins - 1)))
 
     def reset(self, t: FollowerTables, on: Array) -> None:
         """Restart the runs in ``on`` from the declared ranges, alarms cleared (``<p>_reset``)."""

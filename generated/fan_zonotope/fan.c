@@ -1254,11 +1254,11 @@ static void fan_carry(fan_state *s, const fan_in *in)
 }
 
 /*
- * The estimate and its set, of the last sample, into the hands of the observer, and back.
+ * The estimate and its set, of the last sample, into the hands of the observer in mode q, and back.
  */
-static void fan_lend(const fan_state *s, fan_told_state *held)
+static void fan_lend(const fan_state *s, uint32_t q, fan_told_state *held)
 {
-    held->mode = s->followed;
+    held->mode = q;
     for (uint32_t i = 0U; i < FAN_NX; i++)
     {
         held->x_hat[i] = s->told_x_hat[i];
@@ -1348,7 +1348,7 @@ static void fan_move(fan_state *s, const fan_in *in, uint32_t q, bool measured)
     fan_told_out own;
     bool outside = false;
 
-    fan_lend(s, &held);
+    fan_lend(s, q, &held);
     given.mode = q;
     given.u[0] = in->u[0];
     given.y[0] = measured ? in->y[0] : 0.0F;
@@ -1371,8 +1371,8 @@ static void fan_move(fan_state *s, const fan_in *in, uint32_t q, bool measured)
     fan_take(s, &held);
     for (uint32_t i = 0U; i < FAN_NX; i++)
     {
-        s->told_lo[i] = (own.x_lo[i] < -told_limit[i]) ? -told_limit[i] : own.x_lo[i];
-        s->told_hi[i] = (own.x_hi[i] > told_limit[i]) ? told_limit[i] : own.x_hi[i];
+        s->told_lo[i] = fan_told_clip(own.x_lo[i], -told_limit[i], told_limit[i]);
+        s->told_hi[i] = fan_told_clip(own.x_hi[i], -told_limit[i], told_limit[i]);
     }
     fan_narrow(s, q);
     fan_hull(s, q, s->alive[q] & FAN_ANY_AGE & ~(uint32_t)1U, own.x_lo, own.x_hi);
@@ -1415,7 +1415,7 @@ static void fan_start(fan_state *s, uint32_t q)
 
     fan_hull(s, q, s->alive[q] & FAN_ANY_AGE, lo, hi);
     s->followed = q;
-    fan_lend(s, &held);
+    fan_lend(s, q, &held);
     for (uint32_t i = 0U; i < FAN_NX; i++)
     {
         fan_real below;

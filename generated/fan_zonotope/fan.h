@@ -81,7 +81,7 @@
  * RESOURCES (float32, layout "table"; flash and stack by compiler: resources.json)
  *
  * state: 268 bytes per instance; no heap, no static variables
- * step, predict: at most 497 multiplications, 735 additions and 586 comparisons of real numbers
+ * step, predict: at most 497 multiplications, 735 additions and 590 comparisons of real numbers
  */
 #ifndef FAN_H
 #define FAN_H

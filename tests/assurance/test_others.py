@@ -8,12 +8,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers import banks, driven, small_sliding
+from helpers import banks, driven, follower, small_sliding, solved
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import stand_in
+from helpers.table_numbers import every_number_of_the_family
 
+from codegen.assurance import follower_claims
 from codegen.assurance.c_reader import blank
 from codegen.assurance.claims import OWN, claims
+from codegen.assurance.driven_claims import joined
 from codegen.assurance.places import constants
 from codegen.designs import read_design
 from codegen.emit.package import firmware
@@ -23,8 +26,11 @@ from codegen.observers import FAMILIES
 CASES = [(f.name, layout) for f in OTHERS if family_of(f) == "filter" for layout in ("literal", "table", "loop")]
 CASES += [(f.name, "table") for f in OTHERS if f.name.startswith("quadrotor")]
 CASES += [("one input", "table"), ("no input, two outputs", "literal"), ("parameters", "table"), ("discrete", "loop")]
-CASES += [("disc_sensors_bank", "table"), ("dlpv bank", "loop")]
+CASES += [("disc_sensors_bank", "table"), ("dlpv bank", "loop"), ("two pivots", "loop")]
 CASES += [(f"sliding: {name}", layout) for name, layout in (("one input", "loop"), ("no input, two outputs", "table"))]
+KINDS = [(*case, real) for case in CASES for real in ("float32", "float64")]
+KINDS += [("follower: box", "loop", "float64"), ("follower: ellipsoid", "table", "float32"),
+          ("follower: trace", "literal", "float64"), ("follower: table", "loop", "float32")]
 folders = pytest.mark.parametrize("folder", OTHERS, ids=lambda f: f.name)
 
 
@@ -34,6 +40,10 @@ def design_of(name):
         return banks.design()
     if name.startswith("sliding: "):
         return small_sliding.stand_in(name.removeprefix("sliding: "))
+    if name.startswith("follower: "):
+        return follower.stand_in(name.removeprefix("follower: "))
+    if name == "two pivots":
+        return solved.stand_in(True, "float32", "float64")
     if "_" in name:
         return read_design(next(f for f in OTHERS if f.name == name))
     return driven.stand_in(name) if name in driven.PLANTS else stand_in(name, 3)
@@ -51,8 +61,7 @@ def test_every_family_of_its_own_is_walked():
     assert {family_of(f) for f in OTHERS} == set(OWN) and set(OWN) <= set(FAMILIES)
 
 
-@pytest.mark.parametrize("real", ["float32", "float64"])
-@pytest.mark.parametrize("name, layout", CASES)
+@pytest.mark.parametrize("name, layout, real", KINDS)
 def test_constants_are_found_in_every_kind_of_c(name, layout, real):
     text, _, found = printed(name, layout, real)
     lines = text.splitlines()
@@ -82,6 +91,13 @@ CHANGED = {
         ("quadrotor_coast(quadrotor_state *s, quadrotor_law *law, quadrotor_in *in, quadrotor_out *out)\n{",
          "quadrotor_coast(quadrotor_state *s, quadrotor_law *law, quadrotor_in *in, quadrotor_out *out)\n{\n    ;"),
         ("in->u[i] = most[i];", "in->u[i] = least[i];")),
+    "disc_contact_descriptor-direct": (
+        ("x_hat[2] = (2.5F * s->z[1])", "x_hat[2] = (2.5F * s->z[0])"), ("(h[0] * v[0])", "(h[1] * v[0])"),
+        ("(1.6666666F * in->u[0])", "(1.6666667F * in->u[0])"), ("weights(s->z, h)", "weights(s->y, h)")),
+    "two pivots": (
+        ("h[1] * 0.3F", "h[1] * 0.2F"), ("0.15F) ? pivot", "0.1F) ? pivot"), (": 0.15F", ": 0.3F"),
+        ("g[0] = h[0];", "g[0] = h[1];"), ("(0.25F * s->z[0]) +", "(0.25F * s->z[1]) +"),
+        ("pivot = g[0] + g[1]", "pivot = g[0] - g[1]"), ("+ (g[1] * v[1])", "+ (h[1] * v[1])")),
     "one input": (
         ("J_radius[pair][i][k]", "J_radius[pair][k][i]"), ("above[i] += reach[q][i];", "above[i] -= reach[q][i];"),
         ("birth[pair][i];", "birth[0U][i];"), ("least = seen - v_hi[i];", "least = seen - v_lo[i];"),
@@ -97,6 +113,13 @@ CHANGED = {
         ("_SHARE 0.8F", "_SHARE 0.7F"), ("#define ZAMMALI_MODES_SMOOTH 0.5F", ""), ("_TURN 51.3125F", "_TURN 51.3125"),
         ("#define ZAMMALI_MODES_PULL", "#define else\n#define ZAMMALI_MODES_PULL"), ("root = 0.5F *", "root = 0.25F *"),
         ("(most + v_hi[i])", "(most - v_hi[i])"), ("s->age == ZAMMALI_MODES_BLANK", "s->age != ZAMMALI_MODES_BLANK")),
+    "follower: box": (
+        ("held->mode = q;", "held->mode = 0U;"), ("typedef valve_real valve_told_real;",
+                                                            "typedef double valve_told_real;"),
+        ("x_lo[i], -told_limit", "x_lo[i], told_limit"), ("s->alive[q] &= 1U;", ""), ("x_hat[i] - lo[i]", "x_hat[i]"),
+        ("(half[i] > widest[i])", "(half[i] < widest[i])"), ("above[i] + xi_room[i]", "above[i]"),
+        ("* 1.0000005F)", "* 1.0000004F)"), ("(0.5F * lo[i])", "(0.25F * lo[i])"), ("(age == 0U) && (q ==", "(q =="),
+        ("s->followed = VALVE_MODES;", "s->followed = 0U;"), ("valve_told_cut(out->x_hat);", "")),
     "parameters": (
         ("(M_0_1 * s->x_lo[1]) - apart_0", "(M_0_1 * s->x_hi[1]) - apart_0"), ("th_0 = s->theta[0]", "th_0 = s->u[0]"),
         ("+ (k[10] * a_0)", "+ (k[11] * a_0)"), ("valve_cut_x(out->x_lo, out->x_hi);\n}", "}"),
@@ -118,7 +141,7 @@ def test_a_changed_c_is_refused(name):
             r"(#define \w+_(?:LOST|AGES|LAST|DWELL|NF) )(\d+)U", r"\g<1>77U", header, count=1))
 
 
-@pytest.mark.parametrize("name", [n for n in CHANGED if "bank" not in n])  # whose numbers stand in sums, not in tables
+@pytest.mark.parametrize("name", [n for n in CHANGED if not re.search("bank|contact|pivots", n)])  # many in tables
 def test_two_numbers_of_a_table_may_not_change_places(name):
     text, header, _ = printed(name, "table")
     code = blank(text)
@@ -136,9 +159,12 @@ def spoilt(design, where, key, change):
     t, cert = design.observer.tables["float32"], design.certificate["float32"]
     if where == "tables":
         new = change(getattr(t, key))
-        t = replace(t, **{key: new if key == "law" else new.astype(getattr(t, key).dtype)})
+        t = replace(t, **{key: new if key == "law" else np.asarray(new, getattr(t, key).dtype)})
     elif where == "told":
         t = replace(t, told=replace(t.told, **{key: change(getattr(t.told, key)).astype(t.dtype)}))
+    elif where == "set":
+        own = t.told.shape
+        t = replace(t, told=replace(t.told, shape=replace(own, **{key: change(getattr(own, key)).astype(t.dtype)})))
     elif where == "start":
         t = replace(t, start=change(t.start))
     else:
@@ -197,6 +223,15 @@ FALSE = {
         ("energy", "P1", lambda P: [[-x for x in row] for row in P], "P1 is not a symmetric, positive definite"),
         ("thresholds", "bounds", lambda b: [[0.98 * x for x in row] for row in b], "not kept"),
         ("start", "", lambda k: k - 1, "starts at")),
+    "descriptor": (
+        *(("tables", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("h", 0.99, "residual [0-9] reaches"), ("P", 1.01, "energy: smallest pivot"),
+            ("z_hi", 4, "residual [0-9] reaches|not kept"),
+            ("pivot", 0.0, "energy: smallest pivot|least pivot"))),
+        ("certificate", "level", lambda g: 0.999 * g, "energy: square of the claimed level"),
+        ("energy", "Re", lambda R: (0 * np.array(R)).tolist(), "energy: smallest pivot of minus the matrix of a pair"),
+        ("energy", "Rc", lambda R: (0 * np.array(R)).tolist(), "decay: smallest pivot"),
+        ("thresholds", "bounds", lambda b: [[0.6 * x for x in row] for row in b], "not kept")),
     "quadrotor_tracking": (
         ("loop", "decay", lambda d: d | {"factor": 0.99 * d["factor"]}, "loop-decay: smallest pivot"),
         ("loop", "level", lambda d: d | {"level2": 0.9 * d["level2"]}, "loop-energy: smallest pivot"),
@@ -221,6 +256,18 @@ FALSE = {
             ("d_hi", 0.99, "framers: offset d"), ("a_lo", 0.99, "framers: offset a"), ("M_lo", 1.01, "framers: off"),
             ("box", 0.99, "ranges of x|state box"), ("y_hi", 0.99, "y_hi"))),
         ("certificate", "worst", lambda k: k - 1, "identified: worst delay")),
+    "follower": (
+        *(("tables", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("grow", 0.9999, "followed: factor of a half width"), ("square", 0.99, "followed: factor of its square"),
+            ("floor", 0.1, "followed: least half width"), ("reach", 0.5, "reach of mode"), ("xi_room", 0.05, "xi_room"),
+            ("start_hi", 0.999, "start"))),
+        *(("told", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("L", 1.01, "followed: e beyond"), ("limit", 0.4, "limit beyond|e beyond"), ("x_hi", 0.9, "ranges of x"),
+            ("box", 0.6, "box beyond|e beyond"), ("y_hi", 0.99, "y_hi"))),
+        *(("set", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("e", 0.5, "followed: e beyond|followed: inside"), ("rho", 0.9, "followed: rho beyond"),
+            ("F", 1.1, "followed: e beyond"), ("spread", 0.9, "followed: spread"))),
+        ("certificate", "worst", lambda k: k - 1, "identified: worst delay")),
 }
 
 
@@ -231,6 +278,34 @@ def test_margins_refuse_what_does_not_hold(family):
     for where, key, change, words in FALSE[family]:
         with pytest.raises(CertificateError, match=words):
             claims(spoilt(design, where, key, change), "float32")
+
+
+#: A field of the set that is told its mode, made less, by case; what its margin is called.
+LESS = {"box": ("g", "alarm", "g beyond"), "ellipsoid": ("H", "alarm", "smallest pivot"),
+        "table": ("h", "alarm", ""), "trace": ("scale", "state", "scale beyond"),
+        "zonotope": ("e", "alarm", "e beyond")}
+
+
+@pytest.mark.parametrize("name", LESS)
+def test_every_set_that_follows_has_its_margins(name):
+    design, real = follower.stand_in(name), "float32"
+    (key, part, words), cert = LESS[name], follower.told(name, real)[1]
+    t, wrong = design.observer.tables[real], spoilt(design, "set", key, lambda x: x * np.float32(0.9))
+    held = follower_claims.held_by_set(design.plant, t, cert)
+    every = [*follower_claims.starts(t), *joined(t, "observer"), *(m for ms in held.values() for m in ms)]
+    assert len(every) > 7 and all(m.holds for m in every)
+    if name == "table":  # proved row by row, the first that does not hold is named
+        with pytest.raises(CertificateError, match="start 0 in mode 0"):
+            follower_claims.held_by_set(design.plant, wrong.observer.tables[real], cert)
+        return
+    less = follower_claims.held_by_set(design.plant, wrong.observer.tables[real], cert)[part]
+    assert any(not m.holds and words in m.what for m in less)
+
+
+def test_every_number_of_two_pivots_is_read():
+    _, _, found = printed("two pivots", "loop")
+    values = {(c.name, c.mode, *e.index): e.value for c in found for e in c.entries}
+    every_number_of_the_family(design_of("two pivots").observer.tables["float32"], values, [])
 
 
 @folders

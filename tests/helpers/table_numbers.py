@@ -16,14 +16,16 @@ def every_number_of_the_family(t, found, modes):
     own = vars(t)
     if hasattr(t, "weights"):
         own = own | {"weights": np.array(t.weights.constants)}
+    if getattr(t, "uneven", False):
+        own = own | {"least_pivot": np.array(t.least_pivot)}
     if getattr(t, "law", None) is not None:
         own = own | vars(t.law) | {"period": np.array(t.law.period)}
     for name, value in own.items():
         there = name in {key[0] for key in found}
         if not isinstance(value, np.ndarray) or (name in ("S", "x_lo", "x_hi", "x0_lo", "x0_hi") and not there):
             continue
-        if not there and not np.any(value):
-            continue  # a product with zeros alone is left out
+        if not there and not np.any(value if name != "pivot" else value - 1):
+            continue  # a product with zeros alone is left out, and one with pivots that are all 1
         for index, v in np.ndenumerate(value):
             if name.startswith(("J", "birth")) and index[0] == index[1]:
                 continue
@@ -58,6 +60,16 @@ def every_number_of_driven(t, found, modes):
     every_number_of_the_family(SimpleNamespace(**own, **joint), rest, modes)
 
 
+def every_number_of_follower(t, found, modes):
+    """Those of the observer that is told its mode, of the estimator, and of what joins them."""
+    told = {(key[0].removeprefix("told_"), *key[1:]): v for key, v in found.items() if key[0].startswith("told_")}
+    every_number_of_a_set(t.told, told, modes, ("box",))
+    own = {k: v for k, v in vars(t).items() if k not in ("S", "S_rounded", "told") and (k != "square" or t.by_squares)}
+    joint = {"forth": t.S_rounded, "widest": t.widest}
+    every_number_of_the_family(SimpleNamespace(**own, **joint), {
+        key: v for key, v in found.items() if not key[0].startswith("told_")}, modes)
+
+
 def every_number_of_a_bank(t, found):
     """All numbers of all members, thresholds, limits, weights and ranges of the input check, and none beside."""
     expected = {("rate", ""): t.rate} | {("weights", "", k): c for k, c in enumerate(t.weights.constants)}
@@ -71,17 +83,19 @@ def every_number_of_a_bank(t, found):
     assert found == expected
 
 
-def every_number_of_a_set(t, found, modes):
+def every_number_of_a_set(t, found, modes, beside=("box", "u_lo", "u_hi", "y_lo", "y_hi")):
     """Estimate, set, box and input checks, each entry with its value; fields with equal numbers have one name."""
     stems = {key[0] for key in found}
     printed = [k for k in vars(t.shape) if k not in getattr(t.shape, "unprinted", ())]
-    for name in (*"MGLNdABaCDc", "box", "u_lo", "u_hi", "y_lo", "y_hi", *printed):
+    for name in (*"MGLNdABaCDc", *beside, *printed):
         value = getattr(t.shape, name) if name in vars(t.shape) else getattr(t, name)
         stem = f"{name} of the set" if name in vars(t) and name in vars(t.shape) else name
         if stem not in stems or not isinstance(value, np.ndarray):
             same = [v for k, v in vars(t.shape).items() if k != name and k in stems and np.array_equal(v, value)]
             # Whole numbers are compared with the C's text, directions beyond the outputs there may be none.
-            assert same or not isinstance(value, np.ndarray) or name in ("directions", "N") or not np.any(value), name
+            alone = ("floor",) * (len(t.y_lo) == 1)  # of the test of several residuals together
+            assert same or not isinstance(value, np.ndarray) or name in ("directions", "N", *alone) or not np.any(
+                value), name
             continue
         beyond = t.C.shape[1] if name == "directions" and (name, "", 0, 0) not in found else 0
         square = value.ndim >= 3 and value.shape[-2] == value.shape[-1]

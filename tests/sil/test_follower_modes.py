@@ -51,7 +51,7 @@ def test_c_equals_the_reference(name, real, layout, supervision, tmp_path):
 
 
 MUTANTS = {
-    "step of another mode": ("held->mode = s->followed;", "held->mode = 0U;"),
+    "step of another mode": ("held->mode = q;", "held->mode = 0U;"),
     "always measured": ("if (measured && (s->measured != 0U))", "if (measured)"),
     "never outside": ("_told_outside(&held, &given, &own) != 0U);", "_told_outside(&held, &given, &own) > 9U);"),
     "not narrowed": ("s->box_hi[at + i] = above[i] + xi_room[i];", "s->box_hi[at + i] += xi_room[i];"),

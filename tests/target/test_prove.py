@@ -5,11 +5,12 @@ import shutil
 from pathlib import Path
 
 import pytest
-from helpers import driven, small_modes
+from helpers import driven, follower, small_modes
 from helpers.designs import GUARDED, stand_in
 from helpers.folders import write
 from helpers.kept import OTHERS, POINTS, STATED, family_of, first_of_each
 from helpers.scripts import prefix_of
+from helpers.solved import stand_in as two_pivots
 from helpers.tools import need
 
 from codegen.designs import read_design
@@ -158,6 +159,38 @@ def test_what_is_wrong_of_a_polytopic_observer_is_not_proved(mutant, tmp_path):
     assert not result.proved and any(re.search(words, alarm) for alarm in result.alarms), result.alarms
 
 
+FOLLOWER_MUTANTS = {  # set, number type, layout, what of the C, what instead, what Eva says
+    "as it is": ("ellipsoid", "float32", "table", "", "", ""),
+    "bounds that are not cut": ("box", "float64", "loop", r"(told_hi\[i\] = )valve_told_clip(\(own\.x_hi\[i\]),[^;]*;",
+                                r"\1\2);", "told_hi"),
+    "a mode that is none": ("box", "float64", "loop", r"\(q < VALVE_MODES\) && ", "", "valid_read|q <")}
+
+
+@pytest.mark.parametrize("mutant", FOLLOWER_MUTANTS)
+def test_what_is_wrong_of_an_observer_that_follows_is_not_proved(mutant, tmp_path):
+    """The set of a committed design is another; of these Eva shows as much."""
+    need("frama-c")
+    name, real, layout, pattern, text, words = FOLLOWER_MUTANTS[mutant]
+    folder = write(follower.stand_in(name), tmp_path, real, layout)
+    if pattern:
+        rewrite(folder, "valve.c", pattern, text)
+    result = prove(folder)
+    assert result.proved == (not pattern), result.alarms
+    assert not pattern or any(re.search(words, alarm) for alarm in result.alarms), result.alarms
+
+
+@pytest.mark.parametrize("guard", [True, False])
+def test_a_mean_of_pivots_is_divided_by_behind_its_guard(guard, tmp_path):
+    """Of weights that may all vanish, which no sound ones do: intervals cannot tell."""
+    need("frama-c")
+    folder = write(two_pivots(True), tmp_path)
+    rewrite(folder, "obs.c", r"h\[0\] = t7;", "h[0] = t6;")
+    if not guard:
+        rewrite(folder, "obs.c", r"pivot = \(pivot > 0\.15F\) \? pivot : 0\.15F;", "")
+    alarms = prove(folder).alarms
+    assert bool(alarms) is not guard and (guard or "obs_estimate" in alarms[0] and "is_finite" in alarms[0]), alarms
+
+
 def test_a_mode_estimator_without_inputs_is_proved(tmp_path):
     """Nothing that it is told can be wrong but the measurements: predict refuses nothing."""
     need("frama-c")
@@ -220,7 +253,7 @@ def test_what_is_missing_is_named(tmp_path, monkeypatch):
 
 
 def test_a_family_without_a_harness_says_so(tmp_path, monkeypatch):
-    """There is none now; a new one may be."""
+    """A new one may have none for a while."""
     assert set(UNPROVED) == {name for name, family in FAMILIES.items() if not family.stated}
     monkeypatch.setattr("codegen.target.prove.UNPROVED", ("new",))
     (tmp_path / "resources.json").write_text('{"prefix": "a", "n_u": 0, "family": "new"}')

@@ -7,19 +7,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import driven, small_sliding
+from helpers import driven, follower, small_sliding, solved
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import PLANTS, stand_in
 from target.test_gappa import REALS, evaluate, fraction, script_of
 
+from codegen.certify.descriptor_bounds import algebraic_rounding
 from codegen.certify.exact import Q
 from codegen.certify.fault_bounds import slips
 from codegen.certify.filter_model import joint, rounding_of
 from codegen.certify.polytope_rounding import rounding as rounding_bounds
+from codegen.certify.sets import SetDemands
 from codegen.designs import read_design
+from codegen.observers.descriptor import of_pivots
 from codegen.observers.filter import add_terms
 from codegen.observers.framer import open_loop, propagate, scheduled
 from codegen.observers.mode_set import ModeSet, affine, image
+from codegen.observers.point import blind, forward, residual
 from codegen.observers.polytopic_step import evaluate as evaluate_program
 from codegen.observers.polytopic_step import step
 from codegen.observers.sliding import carried
@@ -60,6 +64,7 @@ def test_script_of_a_filter_is_about_the_sums_of_the_reference(folder, real):
 
 
 POLYTOPIC = [f for f in OTHERS if family_of(f) == "polytopic"]
+SOLVED = [f for f in OTHERS if family_of(f) == "descriptor"]
 
 
 @pytest.mark.parametrize("real", REALS)
@@ -86,6 +91,36 @@ def test_script_of_a_polytopic_observer_is_about_the_sums_of_the_reference(folde
         assert 0 < margin <= expected[which][1][int(i)]
     stated = {name.removeprefix(f"{prefix}_").rpartition("_")[0] for name in names}
     assert {"estimate", "residual", "move"} <= stated and sum("_move_" in n for n in names) >= len(z) - 1
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("which", [*SOLVED, "two pivots"], ids=lambda w: getattr(w, "name", w))
+def test_script_of_solved_equations_is_about_the_sums_of_the_reference(which, real):
+    """Weights at z; what every vertex says of an algebraic state, the state, residual and z of the next sample."""
+    design = solved.stand_in(True, real) if which == "two pivots" else read_design(which)
+    rng, number = np.random.default_rng(6), np.dtype(real).type
+    t, text, prefix = design.observer.tables[real], script_of(design, real), design.plant.target.prefix
+    z, y, u = (rng.uniform(lo, hi).astype(real) for lo, hi in ((t.z_lo, t.z_hi), (t.y_lo, t.y_hi), (t.u_lo, t.u_hi)))
+    x_hat, r, _, after = design.observer.advance(t, z[None], u[None], y[None], np.zeros((1, 0), real), np.array([True]))
+    h = np.array([w[0] for w in evaluate_program(t.weights, [*z[None].T, *u[None].T], real)[:-1]], real)
+    values = {f"{s}_{j}": a for s, row in (("z", z), ("y", y), ("u", u), ("x_hat", x_hat[0]), ("r", r[0]), ("h", h), (
+        "g", of_pivots(t, h[None])[0])) for j, a in enumerate(row)}
+    names, held = re.findall(ROW, text), rounding_bounds(t, (), algebraic_rounding(t))
+    for name in names:
+        for kind, letter in (("solved", "a"), ("vertex", "v")):
+            if f"_{kind}_" in name:
+                values[f"{letter}_" + name.partition(f"_{kind}_")[2]] = evaluate(text, name, values, number)
+    expected = {"estimate": (x_hat[0], held.x_hat), "residual": (r[0], held.r), "move": (after[0], held.z)}
+    said = [name.removeprefix(f"{prefix}_").split("_") for name in names]
+    for kind, *at in said:
+        margin = Q(float.fromhex(re.search(rf"exact_{'_'.join((prefix, kind, *at))}\| <= (\S+)", text)[1]))
+        i = int(at[0])
+        if kind in expected:
+            assert evaluate(text, f"{prefix}_{kind}_{i}", values, number) == expected[kind][0][i], (kind, i)
+        assert 0 < margin <= expected.get(kind, expected["estimate" if kind == "solved" else "move"])[1][i]
+    assert {int(at[0]) for kind, *at in said if kind == "estimate"} == set(t.algebraic)
+    assert {int(at[0]) for kind, *at in said if kind == "move"} == set(t.moving)
+    assert ("g_0 in [" in text) == t.uneven
 
 
 @pytest.mark.parametrize("real", REALS)
@@ -196,3 +231,38 @@ def test_script_of_driven_framers_is_about_the_sums_of_the_reference(plant, real
     known = {f"{prefix}_{name}" for name in (*expected, *own)}
     assert known <= set(names) and all(re.search(r"_(theta|L|residual)_", name) for name in set(names) - known)
     agree(text, prefix, own, values, real)
+
+
+@pytest.mark.parametrize("name, real", [("zonotope", "float32"), ("box", "float64"), ("ellipsoid", "float64"),
+                                        ("table", "float64"), ("trace", "float32")])
+def test_script_of_an_observer_that_follows_is_about_the_sums_of_the_reference(name, real):
+    """Boxes as of an estimator; the estimate of every mode, which has what its set holds for it; and S x."""
+    design, rng = follower.stand_in(name), np.random.default_rng(7)
+    names, expected, values, text, prefix = boxes_of(design, real, rng)
+    agree(text, prefix, expected, values, real)
+    t = design.observer.tables[real]
+    told = t.told
+    x, x_lo, x_hi = rng.uniform(-told.box, told.box, (3, 1, len(told.box))).astype(real)
+    u, y, y_next = (rng.uniform(a, b, (1, len(a))).astype(real) for a, b in (
+        (t.u_lo, t.u_hi), (t.y_lo, t.y_hi), (t.y_lo, t.y_hi)))
+    values |= {f"{s}_{j}": a for s, row in (("s_x_hat", x), ("out_x_hat", x), ("s_u", u), ("in_u", u), ("s_y", y),
+                                            ("in_y", y_next), ("s_told_lo", x_lo), ("s_told_hi", x_hi))
+               for j, a in enumerate(row[0])}
+    below, above = image(t.S_rounded, x_lo[0], x_hi[0], np.zeros(len(t.S), real))
+    own = {f"narrowed_{side}_{i}": v for side, row in (("lo", below - t.xi_room), ("hi", above + t.xi_room))
+           for i, v in enumerate(row)}
+    agree(text, prefix, own, values, real)
+    uncut, demands, checked = replace(told, box=told.box * 0 + np.inf), SetDemands(design.plant.modes, told), set()
+    for modes, row, which, i in re.findall(
+            rf'(?m)^# .*, mode (.*): margin .*\n({prefix}_told_(\w+?)_(\d+)_mode_\d+) r=$', text):
+        margin = Q(float.fromhex(re.search(rf"exact_{row}\| <= (\S+)", text)[1]))
+        for q in (q for q, mode in enumerate(design.plant.modes) if f'"{mode.name}"' in modes):
+            p = np.array([q])
+            result = {"forward": lambda p: forward(uncut, p, x, u, y, y_next), "blind": lambda p: blind(uncut, p, x, u),
+                      "residual": lambda p: residual(told, p, x, u, y_next)}[which](p)
+            assert evaluate(text, row, values, np.dtype(real).type) == result[0, int(i)], row
+            assert 0 <= margin <= demands.rounding(q, which)[int(i)]
+            checked.add((q, which, i))
+    assert len(checked) == len(design.plant.modes) * (2 * len(told.box) + len(t.y_lo))
+    others = {n for n in names if not n.startswith(f"{prefix}_told_")}
+    assert others == {f"{prefix}_{n}" for n in (*expected, *own)}
