@@ -139,13 +139,13 @@ def _inner(told: Parts, t, inner: Names, names: Names, signals: tuple) -> InnerV
         members.append(Field("uint32_t", "mode", "", ("mode of the last sample",)))
     given = [Field(*f) for f in in_fields(inner, len(u), 0) if f[1] != "spare"]
     answers = [f for f in told.out_fields if f.name in ("x_hat", "x_lo", "x_hi", "r", "r_bound")]
-    structs = (Struct("state", _whole(members, t.real)), Struct("in", _whole(given, t.real)),
+    structs = (Struct("state", whole(members, t.real)), Struct("in", whole(given, t.real)),
                Struct("out", tuple(answers)))
     return InnerView(inner.prefix, m, names.prefix, literal(0.0, t.real), (*sizes, *told.sets[0].sizes), structs,
                      told.maps, told.cuts, told.whole_range, told.sets)
 
 
-def _whole(members: list[Field], real: str) -> tuple[Field, ...]:
+def whole(members: list[Field], real: str) -> tuple[Field, ...]:
     """The members, a word to fill the struct where it needs one at its end."""
     odd = sum(f.type == "uint32_t" for f in members) % 2 and real == "float64"
     return (*members, *(Field("uint32_t", "spare", "", ("not read",)),) * bool(odd))
