@@ -1,6 +1,6 @@
 /*
  * bank_ranges.h: what test_ranges.c tries on a bank of observers, which has no framers: its starts, the wait after them,
- * spoilt states, the edge of an alarm, and whom it blames.
+ * lost samples, spoilt states, the edge of an alarm, and whom it blames.
  */
 #ifndef BANK_RANGES_H
 #define BANK_RANGES_H
@@ -50,7 +50,7 @@ static int init_and_reset_boxes(void)
     return 0;
 }
 
-/* Nothing is judged before its time, everything from then on; without a measurement the time begins anew. */
+/* Nothing is judged before its time, everything from then on; a lost sample that is not paid for begins anew. */
 static int framers_are_cut(void)
 {
     for (uint32_t n = 0U; n < 3U; n++)
@@ -68,6 +68,71 @@ static int framers_are_cut(void)
         {
             CHECK((b.s.a[i] <= 0) && (b.s.a[i] >= 0));
         }
+    }
+    return 0;
+}
+
+/* A lost sample takes its pay, one short of that is too little. The last measurement stands in; averages stand still. */
+static int lost_samples(void)
+{
+    for (uint32_t credit = 0U; credit <= M(CREDIT); credit++)
+    {
+        bench b;
+        bench twin;
+
+        rest(&b, 1);
+        b.s.wait = 1U;
+        for (uint32_t i = 0U; i < M(NY); i++)
+        {
+            b.s.y[i] = (y_lo[i] / 2) + (y_hi[i] / 4);
+            b.in.y[i] = y_hi[i];
+        }
+        b.s.credit = credit;
+        twin = b;
+        for (uint32_t i = 0U; i < M(NY); i++)
+        {
+            twin.in.y[i] = b.s.y[i];
+        }
+        CHECK(T(step)(&twin.s, &twin.in, &twin.out) == M(OK));
+        CHECK((twin.s.credit == ((credit < M(CREDIT)) ? (credit + 1U) : M(CREDIT))) && (twin.s.wait == 0U));
+        CHECK(T(predict)(&b.s, &b.in, &b.out) == M(OK));
+        CHECK((b.out.raw == 0U) && (b.out.ready == 0U) && same_bytes(b.s.y, twin.s.y, sizeof(b.s.y)));
+        if (credit >= M(GAP))
+        {
+            CHECK(same_bytes(b.s.z, twin.s.z, sizeof(b.s.z)) && (b.s.wait == 1U) && (b.s.credit == (credit - M(GAP))));
+        }
+        else
+        {
+            CHECK((b.s.wait == settling()) && (b.s.credit == 0U));
+        }
+        for (uint32_t i = 0U; i < M(NA); i++)
+        {
+            const T(real) left = (credit >= M(GAP)) ? 1 : 0;
+
+            CHECK((b.s.a[i] <= left) && (b.s.a[i] >= left));
+        }
+    }
+    return 0;
+}
+
+/* A last measurement that memory has spoilt is not passed on, nor is a credit beyond what is counted kept. */
+static int spoilt_measurement(void)
+{
+    for (uint32_t n = 0U; n < (M(NY) * 3U); n++)
+    {
+        const T(real) bad[] = { not_a_number(), huge(), -huge() };
+        bench b;
+
+        rest(&b, 0);
+        b.s.y[n / 3U] = bad[n % 3U];
+        b.s.credit = 0xFFFFFFFFU;
+        CHECK(T(predict)(&b.s, &b.in, &b.out) == M(OK));
+        for (uint32_t i = 0U; i < M(NZ); i++)
+        {
+            CHECK((b.s.z[i] - b.s.z[i]) >= 0);
+        }
+        b.s.credit = 0xFFFFFFFFU;
+        CHECK((T(step)(&b.s, &b.in, &b.out) == M(OK)) && (b.s.credit == M(CREDIT)));
     }
     return 0;
 }
@@ -163,5 +228,11 @@ static int whom_it_blames(void)
     }
     return 0;
 }
+
+/* All that only a bank is tried for. */
+#define RUN_BANK() \
+    RUN(whom_it_blames); \
+    RUN(lost_samples); \
+    RUN(spoilt_measurement)
 
 #endif

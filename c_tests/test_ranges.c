@@ -394,7 +394,7 @@ int main(void)
     RUN(edge_of_an_alarm);
     RUN(spoilt_state);
 #if CASE_BANK
-    RUN(whom_it_blames);
+    RUN_BANK();
 #endif
     return 0;
 }

@@ -10,7 +10,14 @@ from typing import Any
 
 from . import __version__
 from .analysis.detectability import surely_detected
-from .certify import driven_certificate, follower_certificate, mode_certificate, set_claims, sliding_claims
+from .certify import (
+    driven_certificate,
+    follower_certificate,
+    guided_certificate,
+    mode_certificate,
+    set_claims,
+    sliding_claims,
+)
 from .certify.claims import check, check_monitor, check_ranges, digest
 from .certify.freeze import limits
 from .errors import CertificateError, PlantError, ResiduaError
@@ -20,6 +27,7 @@ from .observers import (
     DrivenTables,
     FilterTables,
     FollowerTables,
+    GuidedTables,
     ModeTables,
     PointTables,
     PolytopicTables,
@@ -198,6 +206,8 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
         return follower_certificate.check(plant, t, cert)
     if isinstance(t, ModeTables):
         return mode_certificate.check(bounded(plant), t, cert)
+    if isinstance(t, GuidedTables):
+        return guided_certificate.check(plant, t, cert)
     if isinstance(t, SlidingTables):
         return sliding_claims.check(plant, t, cert)
     if isinstance(t, FilterTables):

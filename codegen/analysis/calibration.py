@@ -212,6 +212,8 @@ class Population:
         Independent at every sample; theta as fast as its rates allow.
     modes : {"random", "scenario"}
         Modes of random order and length (the dwell time and STAY beyond it on average), or those of the scenario drawn.
+    gap, bridge : int
+        Measured samples that pay for a lost one, and lost ones that they pay for at most: see ``losses``.
     """
 
     steps: int = 200
@@ -219,6 +221,8 @@ class Population:
     v: str = "uniform"
     theta: str = "uniform"
     modes: str = "random"
+    gap: int = 0
+    bridge: int = 0
 
     def words(self, plant: Plant) -> tuple[str, ...]:
         """What the runs have in common."""
@@ -229,7 +233,9 @@ class Population:
                  "scenarios of the plant file"}
         told += [modes[self.modes]] * (plant.n_modes > 1)
         told += ["inputs as in the scenarios of the plant file"] * bool(plant.u)
-        return (f"{self.steps} samples from the initial box", *told, "no measurement missing")
+        lost = f"1 to {self.bridge} measurements in succession missing now and then, each paid for by {self.gap} others"
+        lost = lost if self.bridge else "no measurement missing"
+        return (f"{self.steps} samples from the initial box", *told, lost)
 
 
 def pattern(plant: Plant, steps: int, rng: np.random.Generator) -> tuple[tuple[int, int], ...]:
@@ -256,6 +262,30 @@ def pattern(plant: Plant, steps: int, rng: np.random.Generator) -> tuple[tuple[i
         at += steps if count == 1 else max(least, 1) + int(rng.geometric(1 / STAY)) - 1
         q = (q + int(rng.integers(1, max(count, 2)))) % count
     return tuple(out)
+
+
+def losses(population: Population, runs: int, seed: int = 0) -> Array:
+    """Samples that are lost in random runs (N, K) bool: bursts of 1 to ``bridge``, soon after they are paid for.
+
+    Each measured sample adds one to a credit of at most ``gap bridge``, a lost one takes ``gap``. A burst of random
+    length comes up to two gaps after the credit pays for it, so that most of what may be lost is lost.
+
+    Parameters
+    ----------
+    population : Population
+    runs : int
+    seed : int
+    """
+    out = np.zeros((runs, population.steps), dtype=bool)
+    gap, bridge = population.gap, population.bridge
+    for row, child in zip(out, np.random.SeedSequence(seed).spawn(runs)):
+        rng, at, credit = np.random.default_rng(child), 0, 0
+        while bridge and at < population.steps:
+            burst = int(rng.integers(1, bridge + 1))
+            wait = max(burst * gap - credit, 0) + int(rng.integers(2 * gap + 1))
+            row[at + wait:at + wait + burst] = True
+            at, credit = at + wait + burst, min(credit + wait, gap * bridge) - burst * gap
+    return out
 
 
 def fault_free_runs(plant: Plant, population: Population, runs: int, seed: int = 0) -> list[PlantTrace]:

@@ -18,6 +18,7 @@ from ..errors import DesignError
 Array = np.ndarray
 PERIODS = (0.5, 1.0, 2.0, 4.0)  # of the plant's
 NOISES = (0.0, 1.0, 5.0, 25.0)  # of the declared bounds
+PACES = (1.0, 2.0, 4.0)  # of the plant's dwell time
 RUNS, DWELLS, SEED = 16, 6, 1
 
 
@@ -149,12 +150,43 @@ def measured(plant, family: type, supervision, tables_for: Callable) -> list[dic
                 continue
             y = np.clip(run.y + (noise - 1) * run.noise, t.y_lo, t.y_hi)
             trace = family({t.real: t}, supervision).run_many(run.u, y, run.q, t.real)
-            found = [d for mode, q, switches in zip(trace.mode, run.q, run.switches)
-                     for d in delays(mode, q, switches, own.sample_period)]
-            kept = [d for d in found if np.isfinite(d)]
-            cells.append({"period": own.sample_period, "noise": noise, "switches": len(found),
-                          "missed": len(found) - len(kept), "median": rounded(np.median(found)),
-                          "longest": rounded(max(found)), "wrong": rounded(np.mean(trace.mode != run.q))})
+            cells.append({"period": own.sample_period, "noise": noise} | figures(trace, run, own.sample_period))
+    return cells
+
+
+def figures(trace, run: Course, period: float) -> dict:
+    """Delays and share of wrong decisions of runs."""
+    found = [d for mode, q, switches in zip(trace.mode, run.q, run.switches)
+             for d in delays(mode, q, switches, period)]
+    kept = [d for d in found if np.isfinite(d)]
+    return {"switches": len(found), "missed": len(found) - len(kept), "median": rounded(np.median(found)),
+            "longest": rounded(max(found)), "wrong": rounded(np.mean(trace.mode != run.q))}
+
+
+def paced(plant, observer, real: str) -> list[dict]:
+    """Run an observer with alarms over dwell times, without a fault: every alarm is a false one.
+
+    Parameters
+    ----------
+    plant : Plant
+    observer : GuidedObserver
+    real : {"float32", "float64"}
+
+    Returns
+    -------
+    list of dict
+        "dwell" in s, the least between two switches; as of ``measured``; "alarms" share of samples with an alarm,
+        "lost" share of samples at which a bound does not hold x.
+    """
+    cells, t, period = [], observer.tables[real], plant.sample_period
+    for share in PACES:
+        dwell = plant.switching.average_dwell * share
+        slow = replace(plant, switching=replace(plant.switching, average_dwell=dwell))
+        run = courses(slow, RUNS, int(DWELLS * dwell / period), SEED)
+        trace = observer.run_many(run.u, np.clip(run.y, t.y_lo, t.y_hi), run.q, real)
+        lost = ((run.x < trace.x_lo) | (run.x > trace.x_hi)).any(axis=-1)
+        cells.append({"dwell": rounded(dwell)} | figures(trace, run, period)
+                     | {"alarms": rounded(np.mean(trace.alarm != 0)), "lost": rounded(np.mean(lost))})
     return cells
 
 

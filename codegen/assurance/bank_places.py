@@ -137,7 +137,7 @@ class _Reading:
         """Read an observer whose states and averages begin at z and a."""
         n, p, inputs = len(m.T2), len(m.C), m.G.shape[2]
         hat, r = [f"x_hat[{j}]" for j in range(n)], [f"r[{j}]" for j in range(p)]
-        y = [f"in->y[{j}]" for j in m.seen]
+        y = [f"s->y[{j}]" for j in m.seen]
         parts = (("F", m.F, hat), ("G", m.G, [f"in->u[{j}]" for j in range(inputs)]), ("minus_K", -m.K, r))
         vertices: dict[int, Sum] = {}
         count, e = 0, -1

@@ -70,7 +70,7 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
     fresh = read(d.prefix, render(f"{d.family}.c.jinja", d=d), render(d.header, d=d))
     same_tree(source, fresh)
     same_directives(source, fresh)
-    if design.observer.family == "polytopic":  # its sums are statements, read one by one
+    if design.observer.family in ("polytopic", "descriptor"):  # its sums are statements, read one by one
         read_apart |= read_polytopic(source, d.prefix, t, found)
         read_tables(source, d.real, {}, [], read_apart, set(), set(), found)
         return

@@ -42,8 +42,8 @@ WORDS["ellipsoid_trace"] = (
     "(z / c + c) / 2 >= sqrt(z) for every c > 0, scale >= (1 + 8u) / sqrt(W); spread >= |N_o Dv| v_half + rounding of "
     "x_hat -+ radius")
 WORDS["starts"] = (
-    "h[size, q, j, i] >= support in direction d_i of every residual that the error recursion with rounding allows j "
-    "samples after a start of this size in mode q, which lasts",
+    "h[size, q, j, i] >= support in direction d_i of every residual that the error recursion with rounding allows in "
+    "mode q, j samples after a start of that size; the last size is every error that is possible",
     "the same with the unit vectors of x for d_i, rounding of x_hat -+ width included")
 #: Beginning of the sentence on what cannot grow, of the kinds where it is not the half widths.
 BOUNDED = {"thresholds": "the thresholds are a table", "schedule": "the thresholds are a table",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..certify import residual_gain, schedules, thresholds, trace_ellipsoids
-from ..certify import starts as begins
+from ..certify import starts as start_tables
 from ..certify.blocks import BlockDemands, first_room
 from ..certify.boxes import BoxDemands
 from ..certify.ellipsoids import ROOM, EllipsoidDemands
@@ -211,6 +211,16 @@ def turn(modes, t, cert: dict) -> dict[str, list[Margin]]:
                                    rational(np.array(cert["steady_box"]["width"])), 2 * last)]}
 
 
+def from_starts(modes, t, cert: dict) -> dict[str, list[Margin]]:
+    """Of a table from a start on: the least room over the supports, from every size in every mode."""
+    last = np.max(rational(t.shape.hx[:, :, -1]).reshape(-1, len(t.box)), axis=0)
+    rows = [(Q(x), where) for where, room in start_tables.proved(modes, t).items() for x, _ in room.thresholds]
+    return {"alarm": [tightest("threshold beyond the support of all that can be", rows)], "state": [],
+            "bounded": [_middle(t)],
+            "ultimate": [entrywise("width beyond twice the last half widths",
+                                   rational(np.array(cert["steady_box"]["width"])), 2 * last)]}
+
+
 def carried(modes, t, cert: dict) -> dict[str, list[Margin]]:
     """Of a set carried from block to block: what scalars, noise and box have beyond their demands, the first boxes."""
     z, demands = t.shape, BlockDemands(modes, t, t.shape)
@@ -227,20 +237,8 @@ def carried(modes, t, cert: dict) -> dict[str, list[Margin]]:
     return out
 
 
-def begun(modes, t, cert: dict) -> dict[str, list[Margin]]:
-    """Of a table by size of the start: the least room over the supports."""
-    rows = [(Q(x), f"start {k}, mode {q}, {where}") for (k, q), room in begins.proved(modes, t).items()
-            for x, where in room.thresholds]
-    last = np.max(rational(t.shape.hx[:, :, -1]).reshape(-1, len(t.box)), axis=0)
-    return {"alarm": [tightest("threshold beyond the support of all that can be", rows)], "state": [],
-            "bounded": [_middle(t)],
-            "ultimate": [entrywise("width beyond twice the last half widths",
-                                   rational(np.array(cert["steady_box"]["width"])), 2 * last)]}
-
-
 HELD = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": table, "schedule": turn, "blocks": carried,
-        "box": interval,
-        "ellipsoid_trace": least_trace, "starts": begun}
+        "box": interval, "ellipsoid_trace": least_trace, "starts": from_starts}
 
 
 def level(modes, t, cert: dict) -> list[Margin]:

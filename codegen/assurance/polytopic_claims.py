@@ -8,14 +8,22 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from flint import fmpq
 
-from ..certify import fault_sets, finite_frequency, polytope_bounds, polytope_near, polytope_thresholds
+from ..certify import (
+    descriptor_bounds,
+    descriptor_error,
+    fault_sets,
+    finite_frequency,
+    polytope_bounds,
+    polytope_near,
+    polytope_thresholds,
+)
 from ..certify.exact import Q, pivots
 from ..errors import CertificateError
 from ..selection import fault_estimators, polytopic_designs
 from . import tracking_claims
 from .margins import Margin, tightest
 
-GAINS = ("T2", "C", "F", "G", "K")
+GAINS = ("T2", "P", "Q", "pivot", "least_pivot", "C", "F", "G", "K")
 #: What leaves its bounds where a fault is found, and the constants behind that.
 SEEN = ("residual", (*GAINS, "M", "h"))
 #: Entries of the plant file beside those of every design.
@@ -66,7 +74,7 @@ def seen_apart(plant, t, cert: dict, checks: tuple) -> tuple:
     checks : tuple of str
     """
     held = cert["thresholds"]
-    known = not t.faults and np.ndim(cert.get("energy", cert)["T1"]) == 2 and not (
+    known = not t.faults and np.ndim(cert.get("energy", cert).get("T1")) == 2 and not (
         "waits" in held or {"band", "calibration"} & set(cert)) and read_apart(plant, "near" in held)
     return checks if known else tuple(name for name in checks if name != "independent")
 
@@ -99,17 +107,22 @@ def _energy(plant, t, cert: dict, claim, own: tuple):
     for kind, where, S in polytopic_designs.inequalities(plant, t, cert):
         found[kind].append((min(pivots(-S)), where))
     source = "Lopez-Estrada (2014), Theorems 3.3.1 and C.2.1, corrected, on the recursion of the firmware"
+    level, shrinks, V = "2 c' R S' (A_i x + B_i u + Bd_i d)", "N_j' P1 N_j < f^2 P1", "P1"
+    if hasattr(t, "algebraic"):
+        source, V = f"own derivation: {_first(descriptor_error)}", "Ee' P1 Ee"
+        level += " + 2 c' Re (algebraic equations of the observer less those of the plant)"
+        shrinks = "N_j' P1 N_j + 2 Rc (algebraic equations of the error) < f^2 Ee' P1 Ee"
     yield "H-infinity: from rest the energy of z", claim(
         "energy", "A quadratic function of plant and error pays for z at every step, for every pair of vertices of "
-        "plant and observer.", "V+ - V + |z|^2 - g |(u, d)|^2 + 2 c' R S' (A_i x + B_i u + Bd_i d) < 0 for every pair "
-        "(i, j), V = e' P1 e + x' E' P2 E x; level^2 >= g", source, "codegen.certify.polytope_gain.check",
+        "plant and observer.", f"V+ - V + |z|^2 - g |(u, d)|^2 + {level} < 0 for every pair (i, j), "
+        f"V = e' {V} e + x' E' P2 E x; level^2 >= g", source, "codegen.certify.polytope_gain.check",
         [tightest("smallest pivot of minus the matrix of a pair", found["level"], strict=True),
          Margin("square of the claimed level beyond the proved one", Q(cert["level"]) ** 2 - Q(proof["level2"]))],
         GAINS, own)
     yield "the error of the estimate shrinks", claim(
         "decay", "The same quadratic function of the error alone shrinks, at every vertex of the observer.",
-        "N_j' P1 N_j < f^2 P1 for every j", source, "codegen.certify.polytope_gain.check",
-        [tightest("smallest pivot of f^2 P1 - N_j' P1 N_j", found["contraction"], strict=True)], GAINS, own)
+        f"{shrinks} for every j", source, "codegen.certify.polytope_gain.check",
+        [tightest("smallest pivot of the difference", found["contraction"], strict=True)], GAINS, own)
     if "band" in cert:
         matrices = polytopic_designs.band_inequalities(plant, t, cert)
         yield "H- up to", claim(
@@ -142,7 +155,7 @@ def _thresholds(plant, t, cert: dict, claim, checks: tuple):
         found.setdefault(demand.what, []).extend(left)
         if demand.when == "in the end":
             found["last"] += left
-    rests = f"own derivation: {_first(polytope_bounds)}"
+    rests = f"own derivation: {_first(descriptor_bounds if hasattr(t, 'algebraic') else polytope_bounds)}"
     kept = [tightest("bound of the set beyond what a step makes of it", found["kept"]),
             tightest("threshold beyond the residual", found["threshold"])]
     if "calibration" in cert:
@@ -159,6 +172,8 @@ def _thresholds(plant, t, cert: dict, claim, checks: tuple):
     near = "near" in cert["thresholds"]
     pairs = ("plant and observer at every vertex, its weights as far from the plant's as the error allows"
              if near else "every pair of vertices of plant and observer")
+    if hasattr(t, "algebraic"):
+        pairs += ", the algebraic equations solved with weights of their own"
     apart = (" + min(spread_i, sum_l |r_i sum_v D_lv q_v| (|S_l eb| + room_l) + off spread_i), or of every pair "
              "(i, j) without that, whichever is smaller") if near else ""
     constants = (*GAINS, "M", "h", *(("weights",) if near else ()))

@@ -47,7 +47,10 @@ def read_polytopic(source: Source, prefix: str, t, found) -> set[str]:
     r = _Reader(source, prefix, t.real, found)
     n, p, m, h = len(t.T2), len(t.C), t.G.shape[2], len(t.F)
     hat, out, u = ([f"{name}[{k}]" for k in range(count)] for name, count in (("x_hat", n), ("r", p), ("in->u", m)))
-    r.rows("estimate", "x_hat", [f"s->z[{i}]" for i in range(n)], (("T2", t.T2, [f"y[{k}]" for k in range(p)]),))
+    if hasattr(t, "algebraic"):
+        read_solved(r, t, u)
+    else:
+        r.rows("estimate", "x_hat", [f"s->z[{i}]" for i in range(n)], (("T2", t.T2, [f"y[{k}]" for k in range(p)]),))
     r.rows("residual", "r", [f"y[{i}]" for i in range(p)], (("minus_C", -t.C, hat),))
     r.rows("step", "out->r", [""] * p, (("M", t.M, out),))
     known = [f"h[{h + k}]" for k in range(t.known.shape[1])]
@@ -73,6 +76,36 @@ def read_polytopic(source: Source, prefix: str, t, found) -> set[str]:
             found.add("reference", "", f"{prefix}_ref_accepted", (k // 2,), law.reference[k // 2],
                       Coefficient(abs(c.value), c.literal, c.line))
     return r.seen
+
+
+def read_solved(r: _Reader, t, u: list[str]) -> None:
+    """Read the estimate of an observer that solves the algebraic equations: all other states are those of z.
+
+    Parameters
+    ----------
+    r : _Reader
+    t : DescriptorTables
+    u : list of str
+        What the C calls the inputs.
+
+    Raises
+    ------
+    CertificateError
+        A number or a term differs from the tables.
+    """
+    z = [f"s->z[{k}]" for k in range(len(t.z0))]
+    r.blended("estimate", "x_hat", (("P", t.P, z), ("Q", t.Q, u)), (), "g" if t.uneven else "h",
+              {k: z[k] for k in t.moving.tolist()})
+    if not t.uneven:
+        return
+    wanted = {f"g[{j}]": ("pivot", (j,), d) for j, d in enumerate(t.pivot)} | {
+        "pivot": ("least_pivot", (), t.least_pivot)}
+    for node in walk(r.body("estimate")):
+        target = r.text.visit(node.lvalue) if isinstance(node, c_ast.Assignment) else ""
+        if target in wanted:
+            whole = target.replace("g", "h") == r.text.visit(node.rvalue)  # a pivot of 1
+            for c in [Coefficient(ONE, "", node.coord.line)] if whole else r.numbers(node.rvalue):
+                r.add("estimate", *wanted[target], c)
 
 
 class _Reader:
@@ -129,32 +162,40 @@ class _Reader:
             self.nothing_left(row, f"row {i} of {target}")
         self.nothing_left(rows, function)
 
-    def blended(self, function: str, target: str, parts: tuple, shared: tuple) -> None:
-        """Read a vector of sums of weights times what each vertex says; ``shared`` are terms without weights."""
+    def blended(self, function: str, target: str, parts: tuple, shared: tuple, weight: str = "h",
+                copies: dict[int, str] | None = None) -> None:
+        """Read a vector of sums of weights times what each vertex says; ``shared`` are terms without weights.
+
+        Of the rows in ``copies``, which are in no matrix, each is that one operand.
+        """
+        copies = copies or {}
         own: dict[int, Row] = {}
         done = 0
         for name, i, row, line in self.statements(function, target):
             if name == "v":
                 own[i] = row
                 continue
-            weighted = {j: row.pop(f"h[{j}] * v[{j}]", NOWHERE) for j in own}
+            weighted = {j: row.pop(f"{weight}[{j}] * v[{j}]", NOWHERE) for j in own}
             if any(c.value != ONE for c in weighted.values()) or i != done:
                 self.refuse(line, f"{target}[{i}] is no sum of weights times what the vertices say")
-            for label, M, operands in parts:
+            if i in copies and row.pop(copies[i], NOWHERE).value != ONE:
+                self.refuse(line, f"{target}[{i}] is not {copies[i]}")
+            at = i - sum(k < i for k in copies)
+            for label, M, operands in () if i in copies else parts:
                 for k, place in enumerate(operands):
                     all_of = row.pop(place, None)
                     for j in range(len(M)):
                         alone = own.get(j, {}).pop(place, NOWHERE)
                         if all_of and alone.value:
                             self.refuse(line, f"{place} is read twice")
-                        self.add(function, label, (j, i, k), M[j, i, k], all_of or alone)
+                        self.add(function, label, (j, at, k), M[j, at, k], all_of or alone)
             for label, M, operands in shared:
                 for k, place in enumerate(operands):
                     self.add(function, label, (i, k), M[i, k], row.pop(place, NOWHERE))
             for rest in (row, *own.values()):
                 self.nothing_left(rest, f"{target}[{i}]")
             own, done = {}, done + 1
-        if done != parts[0][1].shape[1]:
+        if done != parts[0][1].shape[1] + len(copies):
             self.refuse(0, f"has {done} rows of {target}")
 
     def vector(self, function: str, target: str, name: str, values) -> None:

@@ -7,9 +7,9 @@ With e_m = x_m - z_m of ``descriptor_error``, the observer's weights h at vertex
 
 N_j of ``descriptor_error.step``; one recursion for each pair (j, k), because g is made of the h by division; vertices k
 with the same P and Q are one (`kinds`). The division has its room: the held d_j are above 0, the h_j at least 0 with a
-sum near 1. What the plant's own weights leave is bounded entry by entry: those of the algebraic equations are the ones
-at the sample, those of the rest their means over the period, so that no vertex is common to both. The noise alone is
-followed as itself.
+sum near 1, so that its guard, half the least d_j, never acts. What the plant's own weights leave is bounded entry by
+entry: those of the algebraic equations are the ones at the sample, those of the rest their means over the period, so
+that no vertex is common to both. The noise alone is followed as itself.
 
 Drift between samples and rounding: as in ``polytope_bounds``.
 """
@@ -29,23 +29,36 @@ from .polytope_rounding import Rounding, off_one, rounding, sizes
 from .rounding import sum_error
 
 Array = np.ndarray
+#: The least pivot: products with weights are far from subnormal there.
+LEAST = 2.0**-60
 
 
-def algebraic_rounding(t) -> list[tuple[fmpq, fmpq]]:
-    """Rounding and magnitude of every entry of x_hat.
+def solved_sums(t) -> list[tuple[list, tuple[fmpq, fmpq]]]:
+    """(error, largest magnitude) of what every vertex says of an algebraic state, and of the state; one per state.
 
     Parameters
     ----------
     t : DescriptorTables
     """
-    z, u, real, off = sizes(t.z_lo, t.z_hi), sizes(t.u_lo, t.u_hi), t.real, off_one(t)
-    out = [sum_error([(fmpq(1), b)], real) for b in z]
-    operands = [*z, *u]
-    for row, k in enumerate(t.algebraic):
+    real, off, out = t.real, off_one(t), []
+    operands = [*sizes(t.z_lo, t.z_hi), *sizes(t.u_lo, t.u_hi)]
+    for row in range(len(t.algebraic)):
         own = [sum_error([(Q(c), b) for c, b in zip(np.where(t.common[row], 0, M[row]), operands)], real)
                for M in t.solved]
         terms = [(Q(c), b) for c, b in zip(np.where(t.common[row], t.solved[0, row], 0), operands)]
-        error, most = sum_error([*terms, *((1 + off, m) for _, m in own)], real)
+        out.append((own, sum_error([*terms, *((1 + off, m) for _, m in own)], real)))
+    return out
+
+
+def algebraic_rounding(t) -> list[tuple[fmpq, fmpq]]:
+    """Rounding and magnitude of every entry of x_hat, that of solved ones with weights that do not add up to 1.
+
+    Parameters
+    ----------
+    t : DescriptorTables
+    """
+    off, out = off_one(t), [sum_error([(fmpq(1), b)], t.real) for b in sizes(t.z_lo, t.z_hi)]
+    for k, (own, (error, most)) in zip(t.algebraic, solved_sums(t)):
         out[k] = error + (1 + off) * max(e for e, _ in own) + off * max(m for _, m in own), most
     return out
 
@@ -102,9 +115,9 @@ def model(plant, problem, t, period: float | None) -> tuple[tuple[JointMode, ...
     CertificateError
         A pivot is not positive, or the algebraic equations have no solution of this kind.
     """
-    if not (off_one(t) < 1 and all(d > 0 for d in t.pivot)):
+    if not (off_one(t) < fmpq(1, 4) and all(d >= LEAST for d in t.pivot)):
         raise CertificateError(f"certificate: the least pivot of the algebraic equations is {float(min(t.pivot)):.3g} "
-                               "(found), expected more than 0: the C divides by a mean of them.")
+                               f"(found), expected at least {LEAST:.3g}: the C divides by a mean of them.")
     known, box = solved(problem), Ranges.of(plant, problem)
     slip: Rounding = rounding(t, x_hat=algebraic_rounding(t))
     (r, n), at, a, h = known.T1.shape, known.moving, known.algebraic, range(len(t.F))

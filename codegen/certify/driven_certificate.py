@@ -66,6 +66,21 @@ def check_joint(t) -> None:
         Naming what differs.
     """
     told = t.told
+    check_shared(t)
+    check_coordinates(t)
+    if told.vary is not None and any(np.any(b != b[:1]) for b in (told.vary.theta_lo, told.vary.theta_hi)):
+        raise CertificateError("certificate: bounds of parameters differ between modes, expected one for all.")
+
+
+def check_shared(t) -> None:
+    """Check that the framers are of a kind that can be driven, and accept what the estimator accepts.
+
+    Raises
+    ------
+    CertificateError
+        Naming what differs.
+    """
+    told = t.told
     if told.change is not None or (told.vary is not None and told.vary.late):
         raise CertificateError("certificate: framers in other coordinates or for modes told late, expected neither.")
     for name, sign in (("u_lo", 1), ("u_hi", -1), ("y_lo", 1), ("y_hi", -1)):
@@ -73,9 +88,6 @@ def check_joint(t) -> None:
             raise CertificateError(f"certificate: {name} is beyond what the framers accept.")
     if np.any(t.x_lo < told.x_lo) or np.any(t.x_hi > told.x_hi) or np.any(np.abs([t.x_lo, t.x_hi]) > told.box):
         raise CertificateError("certificate: the ranges of x are wider than those of the framers.")
-    check_coordinates(t)
-    if told.vary is not None and any(np.any(b != b[:1]) for b in (told.vary.theta_lo, told.vary.theta_hi)):
-        raise CertificateError("certificate: bounds of parameters differ between modes, expected one for all.")
 
 
 def rooms(t) -> list[tuple]:

@@ -27,6 +27,9 @@ def check_calibration(t, cert):
     demand(0 < p < 1 and runs >= count, "runs of the campaign")
     missed = sum(comb(runs, i) * p ** i * (1 - p) ** (runs - i) for i in range(count))
     demand(F(c["confidence"]) <= 1 - missed, "confidence of the thresholds")
+    words = r"1 to (\d+) measurements in succession missing .* paid for by (\d+) others"
+    lost = re.fullmatch(words, c["conditions"][-1])
+    demand(lost and [int(n) for n in lost.groups()] == [t["bridge"], t["gap"]], "lost samples of the campaign")
 
 
 def check_words(plant, t, cert, claims):
@@ -52,7 +55,7 @@ def check_source(text, header, t, prefix):
     count, n = len(t["members"]), len(t["x_lo"])
     for k, m in enumerate(t["members"]):
         body = functions(text, prefix, f"without_{k}")
-        demand(sorted({int(i) for i in re.findall(r"in->y\[(\d+)\]", body)}) == sorted(
+        demand(sorted({int(i) for i in re.findall(r"s->y\[(\d+)\]", body)}) == sorted(
             i for j, i in enumerate(m["seen"]) if any(row[j] for row in m["T2"]) or any(m["C"][j])), f"y of member {k}")
         demand({int(i) // n for i in re.findall(r"s->z\[(\d+)\]", body)} == {k}, f"states of member {k}")
         mine = {abs(x) for key in ("T2", "C", "F", "G", "K", "M") for x in flat(m[key])} | {F(t["rate"])}
@@ -79,7 +82,8 @@ def check_source(text, header, t, prefix):
     demand(sorted(bounds) == sorted(flat([t[k] for k in ("u_lo", "u_hi", "y_lo", "y_hi")])), "ranges that are accepted")
     rest = functions(text, prefix, r"(?!without|weights|anew|outside|sound|[uy]_accepted)\w+")
     demand(not set(numbers(rest, real)) - {F(0)}, "the C holds a number that no table does")
-    demand(re.findall(r"#define \w+_NF (\d+)U", header) == [str(count)], "macro NF")
+    for name, value in (("NF", count), ("GAP", t["gap"]), ("CREDIT", t["gap"] * t["bridge"])):
+        demand(re.findall(rf"#define \w+_{name} (\d+)U", header) == [str(value)], f"macro {name}")
 
 
 def main(folder, design, record):

@@ -44,7 +44,7 @@ def slopes(premise, box):
         box = [(max(a, -far), min(b, far)) if k == used[0] else (a, b) for k, (a, b) in enumerate(box)]
     for k in used:
         lower = tuple(e - (j == k) for j, e in enumerate(key))
-        found[k] = max(map(abs, bounds({lower: F(key[k])}, box))) / (hi - lo)
+        found[k] = max(map(abs, bounds({lower: F(key[k])}, box))) / abs(hi - lo)
     return found
 
 

@@ -63,14 +63,20 @@ def check_told(t, cert, plant):
     plain.check_claims(modes, told, cert["told"], *plain.check_tables(modes, told, boxes["x"], boxes["x0"]))
 
 
-def check_joint(t):
-    """Ranges that framers and estimator share, bounds of parameters without a mode, and the way from x to S x."""
-    told, real = t["told"], t["real"]
+def check_ranges(t):
+    """Inputs, measurements and states that framers and estimator share."""
+    told = t["told"]
     for k in ("u", "y"):
         demand(all(F(a) >= F(b) for a, b in zip(t[f"{k}_lo"], told[f"{k}_lo"])) and all(
             F(a) <= F(b) for a, b in zip(t[f"{k}_hi"], told[f"{k}_hi"])), f"{k} is accepted beyond the framers' range")
     for lo, hi, a, b, box in zip(t["x_lo"], t["x_hi"], told["x_lo"], told["x_hi"], told["box"]):
         demand(a <= lo and hi <= b and max(-lo, hi) <= box, "range of x beyond that of the framers")
+
+
+def check_joint(t):
+    """Ranges that framers and estimator share, bounds of parameters without a mode, and the way from x to S x."""
+    check_ranges(t)
+    told, real = t["told"], t["real"]
     for side in ("lo", "hi"):
         bounds = told.get("vary", {}).get(f"theta_{side}", [])
         demand(all(b == bounds[0] for b in bounds), "bounds of parameters that differ between modes")

@@ -68,7 +68,8 @@ def read(w, node, box, real):
     unknown(name not in ("add", "sub", "mul", "neg"))
     a, *b = (read(w, k, box, real) for k in args)
     if name == "neg":
-        return Share(a.p, a.error, a.cut, -a.scale, -a.shift)
+        unknown(a.cut != (None, None))
+        return Share({k: -c for k, c in a.p.items()}, a.error)
     (b,), sign = b, -1 if name == "sub" else 1
     plain, fixed = (all(s.cut == (None, None) and s.scale == 1 and not s.shift for s in (a, b))), (0,) * size
     for x, y in ((a, b), (b, a)):
@@ -91,9 +92,9 @@ def apart(share, premise):
     key, lo, hi = premise
     unknown(set(share.p) != {key} or None in share.cut)
     c = share.p[key]
-    a, b = sorted(e / c for e in share.cut)
+    cuts = zip(sorted(e / c for e in share.cut), sorted((lo, hi)))
     slope = share.scale * c
-    return abs(slope) * max(abs(a - lo), abs(b - hi)) + share.error + max(
+    return abs(slope) * max(abs(a - b) for a, b in cuts) + share.error + max(
         abs(slope * z + share.shift - (z - lo) / (hi - lo)) for z in (lo, hi))
 
 

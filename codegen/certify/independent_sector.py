@@ -167,7 +167,7 @@ def sectors(own, rows, names, n_x, box, constants):
         (key, c), = p.items()
         cores.append(key)
         ends = [F(float(b)) for b in q["bounds"]] if "bounds" in q else bounds(p, box)
-        limits.append(sorted(e / c for e in ends))
+        limits.append([e / c for e in ends])
     found = set()
     for key in (k for row in rows for entry in row for k in entry):
         for core in cores:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import CertificateError
 from .exact import rational
-from .set_bounds import prove_dwell
+from .set_bounds import Room, prove_dwell
 from .thresholds import check_middle, claimed_rows, directions_of, emitted_rows, recursion, starts
 
 Array = np.ndarray
@@ -69,6 +69,42 @@ def certificate(t, proof: dict) -> dict:
                                                      "lo": (last / 2).tolist()}}
 
 
+def proved(modes, t) -> dict[str, Room]:
+    """Prove a table; return by how much it holds.
+
+    Parameters
+    ----------
+    modes : sequence
+        The plant's modes.
+    t : PointTables
+
+    Returns
+    -------
+    dict
+        "start k in mode q" -> Room.
+
+    Raises
+    ------
+    CertificateError
+        Naming size, mode, row and direction.
+    """
+    z, h = t.shape, claimed_rows(t)
+    if len(z.h) != len(z.sizes) + 1:
+        raise CertificateError(f"certificate: {len(z.h)} parts of the table (found) for {len(z.sizes)} sizes of a "
+                               "start, expected one more.")
+    n, directions, out = len(t.box), directions_of(t, z.directions.astype(float)), {}
+    for q, mode in enumerate(modes):
+        m = recursion([mode], alone(t, q))
+        for k, H0 in enumerate(errors(t, z.sizes)):
+            claim = SimpleNamespace(directions=directions, h=h[k:k + 1, q:q + 1], boxes=np.zeros((1, 1, n)), dwell=1,
+                                    back=0, coordinates=np.eye(n)[None])
+            try:
+                out[f"start {k} in mode {q}"] = prove_dwell(m, H0, claim)
+            except CertificateError as error:
+                raise CertificateError(f"certificate: start {k} in mode {q}: {error}") from None
+    return out
+
+
 def check(modes, t, cert: dict) -> list[str]:
     """Re-check a table; return what is proved, one sentence per claim.
 
@@ -98,41 +134,6 @@ def check(modes, t, cert: dict) -> list[str]:
             f"rounding included ({t.real}, with or without fused multiply-add)",
             "x_lo <= x <= x_hi from a start on while the mode is the same and no fault acts", f"the set is {words(z)}",
             f"Ultimate width of each state at most [{', '.join(f'{x:.4g}' for x in width)}], in one mode"]
-
-
-def proved(modes, t) -> dict:
-    """Prove every part of a table; return by how much each holds: (size, mode) -> ``thresholds.Room``.
-
-    Parameters
-    ----------
-    modes : sequence
-        The plant's modes.
-    t : PointTables
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    CertificateError
-        Naming size, mode, row and direction.
-    """
-    z, h, out = t.shape, claimed_rows(t), {}
-    if len(z.h) != len(z.sizes) + 1:
-        raise CertificateError(f"certificate: {len(z.h)} parts of the table (found) for {len(z.sizes)} sizes of a "
-                               "start, expected one more.")
-    n, directions = len(t.box), directions_of(t, z.directions.astype(float))
-    for q, mode in enumerate(modes):
-        m = recursion([mode], alone(t, q))
-        for k, H0 in enumerate(errors(t, z.sizes)):
-            claim = SimpleNamespace(directions=directions, h=h[k:k + 1, q:q + 1], boxes=np.zeros((1, 1, n)), dwell=1,
-                                    back=0, coordinates=np.eye(n)[None])
-            try:
-                out[k, q] = prove_dwell(m, H0, claim)
-            except CertificateError as error:
-                raise CertificateError(f"certificate: start {k} in mode {q}: {error}") from None
-    return out
 
 
 def words(z) -> str:

@@ -54,7 +54,8 @@ class Limited:
 @dataclass(frozen=True)
 class BankView:
     """Sizes, members, thresholds. ``libm`` has one entry or none; ``reads`` and ``called`` are the parameter ``in`` of
-    the weights, ``unread`` what the check does not read. ``anew`` starts the members.
+    the weights, ``unread`` what the check does not read, ``idle`` says that no
+    member reads it. ``anew`` starts the members.
     """
 
     sizes: tuple[Size, ...]
@@ -71,6 +72,9 @@ class BankView:
     keep: str
     settle: str
     unread: tuple[str, ...]
+    idle: tuple[str, ...]
+    bridge: str
+    gap: str
 
 
 def parts(t: BankTables, s, names: Names, signals: tuple, faults: tuple[str, ...]) -> Parts:
@@ -92,10 +96,12 @@ def parts(t: BankTables, s, names: Names, signals: tuple, faults: tuple[str, ...
     _, u, y, _ = signals
     m, real, n, count = names.macro, names.real_type, len(t.x_lo), len(t.members)
     sums = sum(len(own.M) for own in t.members)
-    words: list[Word] = [("wait", "", f"samples until the levels are judged, 0 to {max(t.settle, t.begin)}")]
+    words: list[Word] = [("wait", "", f"samples until the levels are judged, 0 to {max(t.settle, t.begin)}"),
+                         ("credit", "", f"measured samples that pay for lost ones, 0 to {t.credit}")]
     numbers: list[Member] = [
         (real, "z", f"[{m}_NZ]", (f"states of the observers, {m}_NX numbers each",)),
         (real, "a", f"[{m}_NA]", ("moving averages of their weighted residuals",)),
+        (real, "y", f"[{m}_NY]", ("last measurement",)),
         ("uint32_t", "left", f"[{m}_NF]", ("per observer: samples for which it stays raised",))]
     stems, short = macro_names(faults), tuple(map(comment, faults))
     bits = tuple(Bit(f"WITHOUT_{stem}", f"0x{1 << k:X}U", f"level of the observer without the sensors of {name} beyond "
@@ -118,13 +124,15 @@ def parts(t: BankTables, s, names: Names, signals: tuple, faults: tuple[str, ...
         views.append(view)
         operations, z, a = operations + counted, z + n, a + len(own.M)
     anew = [*assign("s->z", np.concatenate([own.z0 for own in t.members]), t.real),
-            *assign("s->a", np.zeros(sums), t.real), f"s->wait = {t.settle}U;"]
-    quiet = tuple(f"s->left[{k}] = 0U;" for k in range(count))
+            *assign("s->a", np.zeros(sums), t.real), f"s->wait = {t.settle}U;", "s->credit = 0U;"]
+    quiet = (*assign("s->y", np.zeros(len(y)), t.real), *(f"s->left[{k}] = 0U;" for k in range(count)))
     reads = {k for op in t.weights.operations for k in op.args if n <= k < t.weights.inputs}
     patterns = [f"0x{sum(1 << p for p, raised in enumerate(row) if raised):X}U" for row in t.incidence]
     view = BankView(
         sizes=(Size("NF", f"{count}U", "faults, and observers"), Size("NH", f"{len(t.members[0].F)}U", "vertices"),
-               Size("NZ", f"{z}U", "states of all observers"), Size("NA", f"{sums}U", "averages of all observers")),
+               Size("NZ", f"{z}U", "states of all observers"), Size("NA", f"{sums}U", "averages of all observers"),
+               Size("GAP", f"{t.gap}U", "measured samples that pay for a lost one"),
+               Size("CREDIT", f"{t.credit}U", "measured samples that are counted at most")),
         faults=tuple(Blame(stem, str(k), name, pattern)
                      for k, (stem, name, pattern) in enumerate(zip(stems, short, patterns))),
         members=tuple(views), libm=("",) * bool(t.weights.count(*LIBM, "sqrt")),
@@ -134,11 +142,11 @@ def parts(t: BankTables, s, names: Names, signals: tuple, faults: tuple[str, ...
         limits=tuple(Limited(name, f"{m}_N{name.upper()}", vector_table(table, f"{m}_N{name.upper()}", values, t.real))
                      for name, table, values in (("z", "limit", t.limit), ("a", "most", t.most))),
         patterns=tuple(patterns), keep=f"{t.keep}U", settle=str(t.settle),
-        unread=() if u else ("in",))
+        unread=() if u else ("in",), idle=() if u or reads else ("(void)in;",), bridge=str(t.bridge), gap=str(t.gap))
     start = (f"{names.prefix}_anew(s);", f"s->wait = {t.begin}U;", *quiet)
     return Parts(
         noun=MEMBERS, header="bank.h.jinja", self_test="harness/test_bank.c.jinja", bits=bits, maps=(),
-        state=state_layout(names, s, count, numbers, z + sums, [], words, extra=count),
+        state=state_layout(names, s, count, numbers, z + sums + len(y), [], words, extra=count),
         out_fields=tuple(Field(*f) for f in out), operations=operations, cuts=(), start=start,
         whole_range=(f"{names.prefix}_anew(s);", *quiet), crossed=(), late=(), move=Move("", ""), sets=(view,),
         lengths=(("NZ", z), ("NA", sums), ("NF", count)), told=False)
@@ -148,7 +156,7 @@ def _member(names: Names, t: BankTables, own: BankMember, k: int, at: tuple[int,
             outputs: list[str]) -> tuple[MemberView, Operations]:
     """Print one observer, whose z and averages begin at given places; count its operations."""
     real, (z, a), p = t.real, at, len(own.seen)
-    move, sums = steps(own, [f"in->y[{i}]" for i in own.seen], z)
+    move, sums = steps(own, [f"s->y[{i}]" for i in own.seen], z)
     counts = [count_operations(terms) for key in sums for terms in sums[key]]
     lines, squares = [], []
     for i, row in enumerate(own.M):

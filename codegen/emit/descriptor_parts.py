@@ -54,10 +54,10 @@ def parts(t: DescriptorTables, s, names: Names, signals: tuple) -> Parts:
         ("g", "weights of the solved equations", t.uneven), ("v", "what each vertex says", blended)) if wanted]
     declared += [f"{names.real_type} pivot;"] * t.uneven
     named = ", ".join(f"x_hat[{k}] {signals[0][k].name}" for k in t.algebraic)
-    least = literal(float(np.min(t.pivot)), t.real)
-    means = (("with weights g[j] = h[j] d_j / pivot, d_j the factor of the equations at vertex j: so the mean of all",
-              f"equations holds. pivot is the mean of the d_j, at least {least} but for rounding.") if t.uneven else
-             ("with weights h[j]: the mean of all algebraic equations holds.",))
+    means = ("with weights h[j]: the mean of all algebraic equations holds.",)
+    if t.uneven:
+        means = ("with weights g[j] = h[j] d_j / pivot, d_j the factor of the equations at vertex j: so the mean of",
+                 "all equations holds. pivot is the mean of the d_j: above its guard, half the least of them.")
     idle = [f"(void){name};" for name, word in (("in", "in->"), ("h", "h[")) if not any(word in x for x in view.move)]
     own = DescriptorView(
         **{f.name: getattr(view, f.name) for f in fields(view) if f.name != "idle"}, idle=tuple(idle), solve=lines,
@@ -66,9 +66,8 @@ def parts(t: DescriptorTables, s, names: Names, signals: tuple) -> Parts:
     counts = [count_operations(terms) for terms in sums]
     multiply, add = (sum(c[k] for c in counts) for k in (0, 1))
     o, h = base.operations, len(t.pivot)
-    uneven = (int(np.count_nonzero(t.pivot != 1)), h - 1, h) if t.uneven else (0, 0, 0)
-    own_operations = Operations(o.multiply + multiply + uneven[0], o.add + add + uneven[1], o.compare,
-                                o.divide + uneven[2])
+    uneven = Operations(int(np.count_nonzero(t.pivot != 1)), h - 1, 1, h) if t.uneven else Operations(0, 0, 0)
+    own_operations = o + Operations(multiply, add, 0) + uneven
     return replace(base, header="descriptor.h.jinja", sets=(own,), operations=own_operations)
 
 
@@ -83,10 +82,11 @@ def solve(t: DescriptorTables) -> tuple[tuple[str, ...], list, bool]:
     operands = [*(f"s->z[{k}]" for k in range(n)), *(f"in->u[{k}]" for k in range(m))]
     g, lines, sums, blended = "g" if t.uneven else "h", [], [], False
     if t.uneven:
-        h = range(len(t.pivot))
+        h, least = range(len(t.pivot)), literal(float(t.least_pivot), real)
         lines += [f"g[{j}] = {' * '.join([f'h[{j}]', *([literal(float(d), real)] if d != 1 else [])])};"
                   for j, d in zip(h, t.pivot)]
         lines.append("pivot = " + " + ".join(f"g[{j}]" for j in h) + ";")
+        lines.append(f"pivot = (pivot > {least}) ? pivot : {least};")
         lines += [f"g[{j}] = g[{j}] / pivot;" for j in h]
     for i in range(n):
         if i not in t.algebraic:

@@ -120,7 +120,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     return replace(own, noun="boxes and estimate", header="follower.h.jinja",
                    self_test="harness/test_follower.c.jinja", state=state, out_fields=out,
                    operations=own.operations + told.operations + _more(t), sets=(view,),
-                   lengths=(*own.lengths, ("NTOLD", shape)))
+                   lengths=(*own.lengths, *(("NTOLD", shape),) * bool(shape)))
 
 
 def inner_names(names: Names) -> Names:
@@ -139,13 +139,13 @@ def _inner(told: Parts, t, inner: Names, names: Names, signals: tuple) -> InnerV
         members.append(Field("uint32_t", "mode", "", ("mode of the last sample",)))
     given = [Field(*f) for f in in_fields(inner, len(u), 0) if f[1] != "spare"]
     answers = [f for f in told.out_fields if f.name in ("x_hat", "x_lo", "x_hi", "r", "r_bound")]
-    structs = (Struct("state", _whole(members, t.real)), Struct("in", _whole(given, t.real)),
+    structs = (Struct("state", whole(members, t.real)), Struct("in", whole(given, t.real)),
                Struct("out", tuple(answers)))
     return InnerView(inner.prefix, m, names.prefix, literal(0.0, t.real), (*sizes, *told.sets[0].sizes), structs,
                      told.maps, told.cuts, told.whole_range, told.sets)
 
 
-def _whole(members: list[Field], real: str) -> tuple[Field, ...]:
+def whole(members: list[Field], real: str) -> tuple[Field, ...]:
     """The members, a word to fill the struct where it needs one at its end."""
     odd = sum(f.type == "uint32_t" for f in members) % 2 and real == "float64"
     return (*members, *(Field("uint32_t", "spare", "", ("not read",)),) * bool(odd))
@@ -164,9 +164,9 @@ def _view(mode: ModeView, t, names: Names, vectors: tuple[Copy, ...], words: tup
         "turn", f"[{m}_NX][{m}_NX]", (), tuple(f"{initialiser(row, real)}," for row in t.told.shape.Z)),)
     ranges = tuple(vector(name, values) for name, values in (
         ("least", t.x_lo), ("most", t.x_hi), ("widest", t.widest)))
-    size = Size("NTOLD", f"{shape}U", "numbers of the error set")
+    size = (Size("NTOLD", f"{shape}U", "numbers of the error set"),) * bool(shape)
     return FollowerView(
-        **vars(mode) | {"sizes": (*mode.sizes, size)}, told=inner,
+        **vars(mode) | {"sizes": (*mode.sizes, *size)}, told=inner,
         forth=(S, vector("xi_room", t.xi_room)), told_limit=vector("told_limit", t.told.box),
         range=(*ranges, *turned), middle=literal(0.5, real), grow=literal(t.grow, real),
         floor=literal(t.floor, real), squares=(literal(t.square, real),) * t.by_squares, turn=turned, copies=vectors,

@@ -134,7 +134,7 @@ def rounding(design, d: DesignView) -> RoundingView:
     t = design.observer.tables[d.real]
     names = Names(d.prefix, d.macro, d.real, tuple(m.name for m in d.modes), tuple(m.macro for m in d.modes))
     if d.sets:
-        if d.family == "polytopic":
+        if d.family in ("polytopic", "descriptor"):
             return _of_polytopic(design.plant, t, d)
         if d.family == "driven":
             return _of_driven(design.plant, t, names, d)

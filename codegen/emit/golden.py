@@ -52,6 +52,8 @@ WIDE_TAIL = (*TAIL, (True, 1), (True, 0), (False, 1), (True, 2), (True, 0), (Fal
 
 def tail(t) -> tuple[tuple[bool, int], ...]:
     """Return the samples of the tail in one mode."""
+    if isinstance(t, BankTables):
+        return ((True, 0),) * t.gap + TAIL  # they pay for the sample without measurement
     # Boxes of S x, and estimates, have no bounds of x to put to the ends.
     return TAIL if t.vary is None or isinstance(t, ModeTables | PolytopicTables) else WIDE_TAIL
 

@@ -114,11 +114,6 @@ def thresholds(t, members: dict[str, str]) -> Ranges:
     return Ranges({}, {"stage": len(t.shape.h) - 1, "since": t.shape.cap}, ())
 
 
-def begun(t, members: dict[str, str]) -> Ranges:
-    """Size of the start, and count."""
-    return Ranges({}, {"stage": t.shape.anew, "since": t.shape.cap}, ())
-
-
 def schedule(t, members: dict[str, str]) -> Ranges:
     """Place in the schedule, and count."""
     return Ranges({}, {"phase_at": len(t.shape.cycle), "since": t.shape.settled}, ())
@@ -160,9 +155,10 @@ def pairs(t, members: dict[str, str]) -> Ranges:
 
 
 def bank(t, members: dict[str, str]) -> Ranges:
-    """States and averages, with which all observers start anew beyond their limits; counts."""
-    return Ranges({}, {"left": t.keep, "wait": max(t.settle, t.begin)}, (),
-                  {"z": (-t.limit, t.limit), "a": (-t.most, t.most)})
+    """States and averages, with which all observers start anew beyond their limits; the last measurement; counts."""
+    return Ranges({}, {"left": t.keep, "wait": max(t.settle, t.begin), "credit": t.credit}, (),
+                  {"z": (-t.limit, t.limit), "a": (-t.most, t.most),
+                   "y": (np.minimum(t.y_lo, 0), np.maximum(t.y_hi, 0))})  # zero at a start
 
 
 def driven(t, members: dict[str, str]) -> Ranges:
@@ -226,6 +222,6 @@ def _origin(t) -> dict:
 
 
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
-          "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
-          "mode": modes, "driven": driven, "follower": follower, "polytopic": polytopic, "sliding": pairs,
-          "bank": bank, "starts": begun}
+          "starts": thresholds, "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
+          "mode": modes, "driven": driven, "follower": follower, "polytopic": polytopic, "descriptor": polytopic,
+          "sliding": pairs, "bank": bank}

@@ -70,7 +70,20 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     -------
     Parts
     """
-    m, real, (modes, n, _, p) = names.macro, names.real_type, t.sizes
+    modes, n, _, p = t.sizes
+    numbers, words, kept = members(t, names)
+    return Parts(
+        noun=PAIRS, header="sliding.h.jinja", self_test="harness/test_sliding.c.jinja",
+        bits=(Bit("TWICE", "0x1U", "two changes of the mode within its dwell time: a fault"),), maps=(),
+        state=state_layout(names, s, 1, numbers, 2 * modes * n + 2 * n + len(kept), kept, words),
+        out_fields=tuple(Field(*f) for f in out_fields(names)), operations=operations(t), cuts=(), start=(),
+        whole_range=(), crossed=(), late=(), move=Move("", ""), sets=(view(t, names),),
+        lengths=(("NSHAPE", modes * n), ("NTWIST", modes * p)), told=False)
+
+
+def members(t, names: Names) -> tuple[list[Member], list[Word], list[str]]:
+    """Vectors of numbers of the state, its words, and the numbers that ``clear`` sets to zero."""
+    m, real, (modes, _, _, p) = names.macro, names.real_type, t.sizes
     bounds = {"lo": "lower", "hi": "upper"}
     numbers: list[Member] = [
         *((real, f"box_{k}", f"[{m}_NSHAPE]", (f"{w} bounds of x by mode: right while it is active",))
@@ -92,14 +105,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     kept = [f"s->{name}[{i}]" for name, count in (("twist_lo", modes * p), ("twist_hi", modes * p),
                                                    ("rate_lo", modes * p), ("rate_hi", modes * p), ("level", modes))
             for i in range(count)]
-    reals = 2 * modes * n + 2 * n + len(kept)
-    return Parts(
-        noun=PAIRS, header="sliding.h.jinja", self_test="harness/test_sliding.c.jinja",
-        bits=(Bit("TWICE", "0x1U", "two changes of the mode within its dwell time: a fault"),), maps=(),
-        state=state_layout(names, s, 1, numbers, reals, kept, words),
-        out_fields=tuple(Field(*f) for f in out_fields(names)), operations=operations(t), cuts=(), start=(),
-        whole_range=(), crossed=(), late=(), move=Move("", ""), sets=(view(t, names),),
-        lengths=(("NSHAPE", modes * n), ("NTWIST", modes * p)), told=False)
+    return numbers, words, kept
 
 
 def out_fields(names: Names) -> tuple[Member, ...]:

@@ -17,6 +17,7 @@ from ..observers import (
     DrivenTables,
     FilterTables,
     FollowerTables,
+    GuidedTables,
     ModeTables,
     PointTables,
     PolytopicTables,
@@ -30,6 +31,7 @@ from . import (
     filter_parts,
     follower_parts,
     framer_parts,
+    guided_parts,
     manual,
     mode_parts,
     point_parts,
@@ -237,6 +239,7 @@ def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
     make = (driven_parts.parts if isinstance(t, DrivenTables) else
             follower_parts.parts if isinstance(t, FollowerTables) else
             mode_parts.parts if isinstance(t, ModeTables) else
+            guided_parts.parts if isinstance(t, GuidedTables) else
             sliding_parts.parts if isinstance(t, SlidingTables) else
             point_parts.parts if isinstance(t, PointTables) else framer_parts.parts)
     return make(design.observer.family, t, s, names, signals, layout)

@@ -13,6 +13,7 @@ from .ellipsoid_trace import EllipsoidTraceObserver, TraceTables
 from .filter import FilterObserver, FilterTables
 from .follower import FollowerObserver, FollowerTables, FollowerTrace
 from .framer import FramerTables, Variation
+from .guided import GuidedObserver, GuidedTables
 from .interval import IntervalObserver
 from .mode_observer import ModeObserver, ModeTrace
 from .mode_tables import ModeTables
@@ -35,14 +36,14 @@ FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": Zonoto
             "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
             "filter": FilterObserver, "mode": ModeObserver, "driven": DrivenObserver, "follower": FollowerObserver,
             "polytopic": PolytopicObserver, "descriptor": DescriptorObserver, "bank": BankObserver,
-            "sliding": SlidingObserver}
+            "sliding": SlidingObserver, "guided": GuidedObserver}
 
 __all__ = ["FAMILIES", "BankObserver", "BankTables", "BankTrace", "BlockObserver", "BlockTables", "BoxObserver",
            "BoxTables", "Coordinates", "DescriptorObserver", "DescriptorTables", "DrivenObserver", "DrivenTables",
            "EllipsoidObserver", "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables",
-           "FilterTrace", "FollowerObserver", "FollowerTables", "FollowerTrace", "FramerTables", "IntervalObserver",
-           "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
-           "PolytopicObserver", "PolytopicTables", "PolytopicTrace", "Runner", "ScheduleObserver", "ScheduleTables",
-           "SlidingObserver", "SlidingTables", "SlidingTrace", "StartObserver", "StartTables", "Supervision",
-           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables", "Variation",
-           "ZonotopeObserver", "ZonotopeTables"]
+           "FilterTrace", "FollowerObserver", "FollowerTables", "FollowerTrace", "FramerTables", "GuidedObserver",
+           "GuidedTables", "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver",
+           "PointTables", "PointTrace", "PolytopicObserver", "PolytopicTables", "PolytopicTrace", "Runner",
+           "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables", "SlidingTrace", "StartObserver",
+           "StartTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables",
+           "Variation", "ZonotopeObserver", "ZonotopeTables"]

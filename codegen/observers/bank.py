@@ -14,6 +14,12 @@ What is accepted takes no state and no average beyond its limit; where a spoilt 
 
 The members start at z0 when the plant may be anywhere in its range; for ``settle`` samples they say nothing. At
 ``<p>_init`` the plant is in its initial box, and ``begin`` samples are enough.
+
+A sample without a measurement is bridged: the last one stands in for it in 1, averages, levels and all that waits or
+is raised stand still. To the states that is a measurement like any other, so that their limits hold, and what it leaves
+shrinks as certified. Each measured sample adds one to a credit, of ``gap bridge`` at most, a lost one takes ``gap``:
+so no more are bridged in the long run, nor in succession, than in the runs that the thresholds come from. Without
+credit all members start anew.
 """
 
 from __future__ import annotations
@@ -121,6 +127,7 @@ class BankObserver(Runner):
         refuse(x0_lo, x0_hi)
         self.raised = np.zeros((runs, len(t.members)), dtype=np.int64)
         self.guard = SupervisorState(runs, len(t.members), 1)
+        self.y = np.zeros((runs, len(t.y_lo)), dtype=t.dtype)
         self._anew(t, runs, t.begin)
 
     def run_many(self, u, y, q=None, real="float32", x0_lo=None, x0_hi=None, theta=None) -> BankTrace:
@@ -129,6 +136,7 @@ class BankObserver(Runner):
 
     def _anew(self, t: BankTables, runs: int, wait: int) -> None:
         """The recursions from z0; alarms are not touched."""
+        self.credit = np.zeros(runs, dtype=np.int64)
         self.z = [np.tile(m.z0.astype(t.dtype), (runs, 1)) for m in t.members]
         self.a = [np.zeros((runs, len(m.M)), dtype=t.dtype) for m in t.members]
         self.wait = np.full(runs, wait)
@@ -137,13 +145,15 @@ class BankObserver(Runner):
                out: BankTrace) -> None:
         """One sample of the runs in ``on``: ``<p>_step`` where ``measured``, else ``<p>_predict``."""
         seen = on & measured
+        bridged = on & ~measured & (self.credit >= t.gap)
+        moving, self.y = seen | bridged, np.where(seen[:, None], y, self.y)
         level, inside = np.zeros((len(q), len(t.members)), t.dtype), np.ones(len(q), dtype=bool)
         self.z, self.a = list(self.z), list(self.a)
         for p, m in enumerate(t.members):
-            _, r, known, after = step(m, self.z[p], u, y[:, m.seen], theta, seen)
+            _, r, known, after = step(m, self.z[p], u, self.y[:, m.seen], theta, moving)
             a = averaged(m, self.a[p], r, t.dtype.type(t.rate))
             level[:, p], inside = squared(a), inside & known
-            self.z[p] = np.where(seen[:, None], after, self.z[p])
+            self.z[p] = np.where(moving[:, None], after, self.z[p])
             self.a[p] = np.where(seen[:, None], a, self.a[p])
         ready = self.wait == 0
         raw = ready[:, None] & ~(level <= t.bound)
@@ -152,9 +162,10 @@ class BankObserver(Runner):
         self.raised = np.where(seen[:, None], raised, self.raised)
         isolated = blamed(t, self.raised > 0)
         self.wait = np.where(seen, np.maximum(self.wait - 1, 0), self.wait)
-        lost = (on & ~measured) | (seen & ~(within(self.z, t.limit) & within(self.a, t.most)))
+        self.credit = np.where(seen, np.minimum(self.credit + 1, t.credit), self.credit - t.gap * bridged)
+        lost = (on & ~moving) | (moving & ~(within(self.z, t.limit) & within(self.a, t.most)))
         if lost.any():
-            kept = self.z, self.a, self.wait
+            kept = self.z, self.a, self.wait, self.credit
             self._anew(t, len(q), t.settle)
             self._merge(lost, *kept)
         out.r[seen], out.r_bound[seen] = level[seen], t.bound
@@ -164,12 +175,12 @@ class BankObserver(Runner):
         out.latched_bits[on] = pack(self.guard.latched)[on]
         out.alarm[seen] = alarm[seen].any(axis=1)
 
-    def _merge(self, new: Array, z: list[Array], a: list[Array], wait: Array) -> None:
+    def _merge(self, new: Array, z: list[Array], a: list[Array], wait: Array, credit: Array) -> None:
         """Keep the new start for the runs in ``new``, what was before for the others."""
         for now, before in ((self.z, z), (self.a, a)):
             for p, values in enumerate(before):
                 now[p] = np.where(new[:, None], now[p], values)
-        self.wait = np.where(new, self.wait, wait)
+        self.wait, self.credit = np.where(new, self.wait, wait), np.where(new, self.credit, credit)
 
     def quiet_output(self, t: BankTables, u: Array, q: int) -> Array:
         """A measurement that raises nobody, where one is found; for the golden vectors."""
@@ -186,11 +197,12 @@ class BankObserver(Runner):
 
     def reset(self, t: BankTables, on: Array) -> None:
         """Restart the runs in ``on``, alarms cleared (``<p>_reset``)."""
-        kept, raised, guard = (self.z, self.a, self.wait), self.raised, self.guard
+        kept, held = (self.z, self.a, self.wait, self.credit), (self.raised, self.y)
+        guard = self.guard
         self.start(t, len(on))
         self._anew(t, len(on), t.settle)
         self._merge(on, *kept)
-        self.raised = np.where(on[:, None], self.raised, raised)
+        self.raised, self.y = (np.where(on[:, None], now, before) for now, before in zip((self.raised, self.y), held))
         for name, value in vars(guard).items():
             mask = on.reshape(-1, *[1] * (value.ndim - 1))
             setattr(self.guard, name, np.where(mask, getattr(self.guard, name), value))

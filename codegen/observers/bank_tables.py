@@ -83,6 +83,8 @@ class BankTables:
         Samples after a start from anywhere, and after one from the initial box, that are not judged.
     keep : int
         Samples for which a member stays raised after an alarm, at least 1.
+    gap, bridge : int
+        Measured samples that pay for a lost one, and lost ones that they pay for at most: see ``observers.bank``.
     limit : ndarray (n P,), most : ndarray (k_1 + .. + k_P,)
         Magnitudes of the members' states and averages, one member after the other; beyond them all start anew.
     weights : Program
@@ -100,6 +102,8 @@ class BankTables:
     settle: int
     begin: int
     keep: int
+    gap: int
+    bridge: int
     limit: Array
     most: Array
     weights: Program
@@ -130,6 +134,11 @@ class BankTables:
     def dtype(self) -> np.dtype:
         """The numpy type of the tables."""
         return np.dtype(self.real)
+
+    @property
+    def credit(self) -> int:
+        """Measured samples that are counted at most."""
+        return self.gap * self.bridge
 
     @property
     def incidence(self) -> Array:
@@ -168,4 +177,4 @@ class BankTables:
         sizes = {"bound": len(members), "limit": n * len(members), "most": sum(len(m.M) for m in members)}
         bound, limit, most = (array(data[key], (size,)) for key, size in sizes.items())
         return cls(data["real"], tuple(members), bound, float(data["rate"]), int(data["settle"]), int(data["begin"]),
-                   int(data["keep"]), limit, most, weights, **ranges)
+                   int(data["keep"]), int(data["gap"]), int(data["bridge"]), limit, most, weights, **ranges)

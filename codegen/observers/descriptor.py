@@ -13,7 +13,8 @@ no harm. Where all vertices have the same pivot g is h, and nothing is divided.
 
 Rows 1 and 2 solve sum_j h_j S' (A_j x_hat + B_j u) = 0 exactly, where S' A_j is d_j times one matrix on the algebraic
 states: P_j and Q_j are the solution at vertex j, and with g in place of h so is their mean. The
-certificate checks d_j > 0, thus the sum of h_i d_i is at least the least of them.
+certificate checks d_j > 0, thus the sum of h_i d_i is at least the least of them; the guard of the division, half of
+that, is for what intervals cannot tell and for a spoilt memory.
 
 All else is as in ``polytopic``.
 """
@@ -34,7 +35,6 @@ class DescriptorObserver(PolytopicObserver):
 
     family = "descriptor"
     tables_class = DescriptorTables
-    stated = False
 
     @staticmethod
     def advance(t: DescriptorTables, z: Array, u: Array, y: Array, theta: Array, measured: Array) -> tuple[Array, ...]:
@@ -69,7 +69,7 @@ def of_pivots(t: DescriptorTables, h: Array) -> Array:
     total = g[:, 0]
     for j in range(1, g.shape[1]):
         total = total + g[:, j]
-    return g / total[:, None]
+    return g / np.where(total > t.least_pivot, total, t.least_pivot)[:, None]
 
 
 def solved(t: DescriptorTables, g: Array, values: Array) -> Array:

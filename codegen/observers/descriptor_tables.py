@@ -52,6 +52,11 @@ class DescriptorTables(PolytopicTables):
         return of_z, of_u
 
     @property
+    def least_pivot(self) -> np.generic:
+        """Half the least pivot: what the C divides by at least, whatever a spoilt memory makes of the weights."""
+        return np.min(self.pivot) / self.dtype.type(2)
+
+    @property
     def uneven(self) -> bool:
         """Whether the weights of the algebraic equations are others than those of the vertices."""
         return bool(np.any(self.pivot != 1))

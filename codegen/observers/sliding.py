@@ -94,10 +94,14 @@ class SlidingObserver(Runner):
         """As ``Runner.run_many``; q is not read."""
         return super().run_many(u, y, np.zeros(np.shape(q), dtype=np.int64), real, x0_lo, x0_hi, theta)
 
+    def bits(self, t: SlidingTables) -> int:
+        """Alarm bits."""
+        return 1
+
     def start(self, t: SlidingTables, runs: int, x0_lo: Array | None = None, x0_hi: Array | None = None) -> None:
         """Set all runs to the initial box (``<p>_init``)."""
         modes, n, _, p = t.sizes
-        self.guard = SupervisorState(runs, 1, modes)
+        self.guard = SupervisorState(runs, self.bits(t), modes)
         self.z, self.rate = ([np.zeros((runs, modes, p), t.dtype) for _ in range(2)] for _ in range(2))
         self.level = np.zeros((runs, modes), t.dtype)
         self.decided, self.best = np.zeros(runs, np.int64), np.zeros(runs, np.int64)
@@ -141,29 +145,33 @@ class SlidingObserver(Runner):
         detected = (self.age >= t.blank) & ((best != decided) | wrong)
         wide = detected | (self.age <= t.blank)
         age = np.where(detected, 0, np.minimum(self.age + 1, OLDEST))
-        blind = (self.age <= t.blank) | crossed
-        shown = [np.where((np.where(step, wide, blind))[:, None], end, own)
-                 for end, own in zip((t.x_lo, t.x_hi), self.shown)]
-        r_lo, r_hi = tested(t, shown, seen)
-        raw = self._watch(t, step, failed)
+        wide = np.where(step, wide, (self.age <= t.blank) | crossed)
+        shown = [np.where(wide[:, None], end, own) for end, own in zip((t.x_lo, t.x_hi), self.shown)]
+        kept = np.where(step, ~wide, self.age > t.blank)
+        bounds, (r_lo, r_hi), raw = self._answered(t, step, kept, (shown, decided), u, y, tested(t, shown, seen))
+        raw = np.column_stack([self._watch(t, step, failed), raw])
         x = [np.where(failed[..., None], end, own) for end, own in zip((t.x_lo, t.x_hi), self.x)]
         self._move(t, step, u, seen, (x, z, rate), failed, (shown, decided))
         self.fresh = self.fresh & ~step[:, None]
         for name, value in (("level", level), ("best", best), ("decided", decided), ("age", age)):
             mask = step.reshape(-1, *[1] * (value.ndim - 1))
             setattr(self, name, np.where(mask, value, getattr(self, name)))
-        alarm, again, _ = judge(self.supervision, self.guard, step, raw[:, None])
+        alarm, again, _ = judge(self.supervision, self.guard, step, raw)
         out.age[on] = self.age[on]
         self._lose(t, on & (again | ~measured))
-        out.x_lo[on], out.x_hi[on] = shown[0][on], shown[1][on]
+        out.x_lo[on], out.x_hi[on] = bounds[0][on], bounds[1][on]
         out.r_lo[step], out.r_hi[step] = r_lo[step], r_hi[step]
         out.mode[on], out.candidate[on] = self.decided[on], self.best[on]
         everything = np.uint32(2**modes - 1)
         out.mode_set[on] = np.where(measured, pack(~failed), everything)[on]
-        out.raw_bits[step] = raw[step]
+        out.raw_bits[step] = pack(raw)[step]
         out.alarm_bits[step] = pack(alarm)[step]
         out.latched_bits[on] = pack(self.guard.latched)[on]
         out.alarm[step] = alarm[step].any(axis=1)
+
+    def _answered(self, t: SlidingTables, step: Array, kept: Array, answer, u: Array, y: Array, residuals):
+        """Bounds, residuals and further alarm bits that are answered; ``kept``: bounds go on."""
+        return answer[0], residuals, np.zeros((len(step), 0), bool)
 
     def _twisted(self, t: SlidingTables, seen: Array) -> tuple[list[Array], list[Array]]:
         """Sliding variables and rates after the correction, of all pairs."""

@@ -32,8 +32,9 @@ def facts(design, real: str) -> tuple[Fact, ...]:
                  f"probability {c['probability']:g} at most; confidence {words.number(c['confidence'], 4)}"),
             Fact("Kind of these runs", "; ".join(c["conditions"])),
             Fact("Start", f"judged after {words.count(t.begin, 'sample')} at init, after "
-                 f"{words.count(t.settle, 'sample')} from anywhere in the declared range and after a sample without "
-                 "measurement"))
+                 f"{words.count(t.settle, 'sample')} from anywhere in the declared range"),
+            Fact("Lost samples", f"bridged: the last measurement stands in. Each has to be paid for by {t.gap} "
+                 f"measured ones, of which enough for {t.bridge} are counted at most; else all observers start anew"))
 
 
 def tables(design, real: str) -> tuple[Table, ...]:

@@ -95,7 +95,7 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
     tried = words.count(len(design.choice), "certified design")
     if "gains" in design.options:
         why = "the gains were given in the plant file; they were certified, not chosen"
-    elif design.certificate[real]["kind"] == "sliding":
+    elif design.certificate[real]["kind"] == "sliding" and "told" not in design.certificate[real]:
         why = sliding_words.CRITERION
     elif design.certificate[real]["kind"] == "mode" and "told" not in design.certificate[real]:
         why = "there is nothing to choose but how many ages are told apart: the fewest that can be certified"
@@ -228,7 +228,7 @@ def _not_guaranteed(design, real: str) -> tuple[str, ...]:
     debounce, point = design.observer.supervision.debounce, is_point(design, real)
     items = ["That a fault below the thresholds is found. It may be, or may not.",
              *(_FILTER_LIMITS if is_filter(design, real) else polytopic_words.LIMITS if is_polytopic(design, real)
-               else sliding_words.NOT_GUARANTEED if is_unproved(design, real)
+               else sliding_words.not_guaranteed(design.certificate[real]) if is_unproved(design, real)
                else bank_words.LIMITS if is_bank(design, real) else _limits(design, point)),
              "Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
              "with the observer settled before it.", *parameter_words.not_guaranteed(design.plant)]

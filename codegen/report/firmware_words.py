@@ -13,6 +13,7 @@ from ..observers import (
     DrivenTables,
     FilterTables,
     FollowerTables,
+    GuidedTables,
     ModeTables,
     PointTables,
     PolytopicTables,
@@ -109,6 +110,9 @@ def gains(design, real: str) -> tuple[Folded, ...]:
                 *mode_words.gains(design, real, _matrix, "The mode estimator: "))
     if isinstance(t, ModeTables):
         return mode_words.gains(design, real, _matrix)
+    if isinstance(t, GuidedTables):
+        return (*_framers(t.told, design.plant),
+                *sliding_words.gains(design, real, _matrix, "The mode estimator: "))
     if isinstance(t, SlidingTables):
         return sliding_words.gains(design, real, _matrix)
     if isinstance(t, FilterTables):

@@ -16,6 +16,8 @@ NOT_GUARANTEED = (
     "may be those of the old mode.",
     "That a fault raises the alarm. Without one there is no alarm as long as the mode keeps its dwell time; a fault "
     "may well pass for a mode.")
+FALSE = ("That an alarm means a fault: while the decision is not that of the true mode the measurements may contradict "
+         "it. The bit for two changes within a dwell time alone is never false.")
 
 
 def tables(design, real: str) -> tuple[Table, ...]:
@@ -47,7 +49,28 @@ def tables(design, real: str) -> tuple[Table, ...]:
     notes = ("Approached while the mode is the true one and stays; from a detection until the mode is taken up "
              f"({words.delay(cert['blank'] + 1, plant.sample_period)}) the bounds are the declared range.",)
     head = ("mode", *(f"#{s.name}" for s in plant.x))
-    return measured, table("How wide the bounds become, proved", head, width, notes)
+    proved = table("How wide the bounds become, proved", head, width, notes)
+    return measured, *_paced(cert), proved
+
+
+def _paced(cert: dict) -> tuple[Table, ...]:
+    """Tabulate what was measured of framers in the mode decided for; nothing of an estimator alone."""
+    if "paced" not in cert:
+        return ()
+    rows = [(words.seconds(c["dwell"]), words.integer(c["switches"]), _time(c["median"]),
+             Cell("not before the next switch", "num warn") if c["missed"] else Cell(_time(c["longest"]), "num"),
+             *(words.quantity(words.at_most(100 * c[key], 2), "%") for key in ("wrong", "alarms", "lost")))
+            for c in cert["paced"]]
+    head = ("least dwell time", "#switches", "#median delay", "#longest delay", "#samples with a wrong mode",
+            "#samples with a false alarm", "#samples with a lost state")
+    notes = ("Measured, not proved: the whole observer at its own period and noise, no fault, otherwise as above. "
+             "Every alarm is a false one: framers of a mode that is true no more contradict the measurement.",)
+    return (table("What wrong decisions do to the bounds and alarms: as measured", head, rows, notes),)
+
+
+def not_guaranteed(cert: dict) -> tuple[str, ...]:
+    """List what is not guaranteed."""
+    return (*NOT_GUARANTEED, *(FALSE,) * ("told" in cert))
 
 
 def _time(seconds: float | None) -> str:
@@ -57,11 +80,12 @@ def _time(seconds: float | None) -> str:
 
 def switching(cert: dict) -> str:
     """Say for which switching something is proved."""
-    return ("a mode that nobody tells, switching at any instant: nothing of the decision; the alarm, for switches at "
+    alarm = "the alarm's bit for two changes" if "told" in cert else "the alarm"
+    return (f"a mode that nobody tells, switching at any instant: nothing of the decision; {alarm}, for switches at "
             f"least {cert['dwell']} samples apart; the bounds, while the decision is right")
 
 
-def gains(design, real: str, matrix) -> tuple[Folded, ...]:
+def gains(design, real: str, matrix, of: str = "") -> tuple[Folded, ...]:
     """Tabulate the constants that the C holds, exactly, one fold per mode.
 
     Parameters
@@ -70,6 +94,8 @@ def gains(design, real: str, matrix) -> tuple[Folded, ...]:
     real : {"float32", "float64"}
     matrix : callable
         (title, row names, column names, values) -> Table.
+    of : str
+        What the titles begin with.
 
     Returns
     -------
@@ -86,8 +112,8 @@ def gains(design, real: str, matrix) -> tuple[Folded, ...]:
                       matrix(f"L of the {name} bounds held for a period, its origin in continuous time, d", x,
                              [*y, *(f"{s} (continuous)" for s in y), "d"],
                              np.column_stack([L, np.array(cert[f"L_{side}"][q]), d]))]
-        folds.append(Folded(f"Mode {q}, “{mode.name}”", tuple(found)))
+        folds.append(Folded(f"{of}Mode {q}, “{mode.name}”", tuple(found)))
     noise = matrix("Bounds of y - D u - C x", y, ["v_lo", "v_hi"], np.stack([t.v_lo, t.v_hi], axis=1))
     loops = matrix("Loops and decision", ["value"], ["tau k2", "tau k1", "smooth", "share", "blank", "dwell"],
                    np.array([[t.turn, t.pull, t.smooth, t.share, t.blank, t.dwell]], dtype=float))
-    return (*folds, Folded("Noise, loops and decision", (noise, loops)))
+    return (*folds, Folded(f"{of}noise, loops and decision" if of else "Noise, loops and decision", (noise, loops)))

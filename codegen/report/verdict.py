@@ -49,8 +49,9 @@ def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict
     injected = sum(len(o.episodes) for o in outcomes)
     simulated = [o for o in outcomes if not outcome_words.is_record(o)]
     chance = sum(o.chance for o in outcomes)
+    allowed = "decisions that are not right" if is_unproved(design, real) else "calibrated thresholds"
     parts = ["the compiled C agrees with the reference in every bit",
-             f"{words.count(chance, 'sample')} with an alarm without a fault, as calibrated thresholds allow"
+             f"{words.count(chance, 'sample')} with an alarm without a fault, as {allowed} allow"
              if chance else "no false alarm"]
     if simulated and bounds_states(design, real):
         right = " while the decision was right" if is_unproved(design, real) else ""
@@ -87,8 +88,10 @@ def purpose(design) -> str:
                 f"reads {outputs}, answers with an estimate of {faults}, and raises an alarm {when}.")
     if is_unproved(design, plant.target.real):
         modes = words.listed(m.name for m in plant.modes)
+        bounds = (f"; in that mode it answers with bounds on {words.listed(s.name for s in plant.x)}, and raises an "
+                  "alarm where the measurements contradict it") * (design.observer.family == "guided")
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
-                f"reads {outputs} and decides which of the modes {modes} is active, without a guarantee.")
+                f"reads {outputs} and decides which of the modes {modes} is active, without a guarantee{bounds}.")
     if is_bank(design, plant.target.real):
         faults = words.listed([f.name for f in plant.f])
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "

@@ -6,6 +6,7 @@ from decimal import ROUND_CEILING, Decimal
 
 import numpy as np
 
+from ..analysis.calibration import Population
 from ..certify import bank as settling
 from ..certify import bank_limits
 from ..certify.exact import Q, rational
@@ -57,6 +58,10 @@ def rooms(plant: Plant, t: BankTables, cert: dict) -> list[dict]:
         raise CertificateError(f"certificate: {len(t.members)} members (found), expected {plant.n_f}, one per fault.")
     if not np.all(np.isfinite(t.bound)) or cert["calibration"]["runs"] < 1:
         raise CertificateError("certificate: the thresholds rest on no campaign.")
+    told = Population(gap=t.gap, bridge=t.bridge).words(plant)[-1]
+    if (of := cert["calibration"]["conditions"][-1]) != told:
+        raise CertificateError(f'certificate: the thresholds rest on runs with "{of}" (found), expected those with as '
+                               f'many lost samples as the tables bridge: "{told}".')
     for k, (own, stored, fault) in enumerate(zip(t.members, cert["members"], plant.f)):
         seen, task, others, _ = member(plant, problem, faults, s, k)
         if own.seen.tolist() != seen.tolist():

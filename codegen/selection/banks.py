@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..analysis.calibration import Calibration, Population, calibrate, fault_free_runs, runs_needed
+from ..analysis.calibration import Calibration, Population, calibrate, fault_free_runs, losses, runs_needed
 from ..analysis.validate import side_by_side
 from ..certify import bank as settling
 from ..certify import bank_limits
@@ -19,7 +19,7 @@ from ..observers.bank_tables import BankTables, Member
 from ..observers.runner import outward
 from ..plant.model import Plant
 from ..plant.weight_program import weight_program
-from ..synthesis.bank import AVERAGE, CONFIDENCE, FASTER, GAIN, KEEP, MARGIN, PROBABILITY, member
+from ..synthesis.bank import AVERAGE, BRIDGE, CONFIDENCE, FASTER, GAIN, GAP, KEEP, MARGIN, PROBABILITY, member
 from ..synthesis.descriptor_lmi import Bounds
 from .bank_claims import check
 from .descriptors import problem_and_scaling
@@ -91,8 +91,8 @@ def drafted(plant: Plant, options: dict, real: str, progress: Callable[[str], No
                for v in "uy" for end, limit in zip(ends, plant.limits(v))}
     rate = float(near(np.array(min(1.0, period / float(options.get("average", AVERAGE * period)))), real))
     keep = max(1, round(float(options.get("keep", KEEP * period)) / period))
-    t = BankTables(real, tuple(members), np.full(len(members), np.inf, real), rate, 0, 0, keep, *_unlimited(members),
-                   weights, **ranges)
+    t = BankTables(real, tuple(members), np.full(len(members), np.inf, real), rate, 0, 0, keep, GAP,
+                   int(options.get("bridge", BRIDGE)), *_unlimited(members), weights, **ranges)
     found = [bank_limits.reach(m, rational(np.array(d.proof["level"]["P1"])), d.proof["level"]["contraction"], t)
              for m, d in zip(members, detectors)]
     t = replace(t, limit=np.concatenate([a for a, _ in found]), most=np.concatenate([b for _, b in found]))
@@ -139,17 +139,19 @@ def gain_of(problem, d: CertifiedDetector, k: int) -> dict:
     return {"member": k, "gain2": float(np.linalg.norm(np.linalg.solve(root, out.T), 2) ** 2 * (1 + 1e-9))}
 
 
-def levels(t: BankTables, truths: list, observer=None) -> Array:
-    """Levels of every member in given runs (N, K, P).
+def levels(t: BankTables, truths: list, observer=None, lost: Array | None = None) -> Array:
+    """Levels of every member in given runs (N, K, P), NaN at samples that are lost.
 
     Parameters
     ----------
     t : BankTables
     truths : list of PlantTrace
     observer : BankObserver, optional
+    lost : ndarray (N, K) bool, optional
     """
     observer = observer or FAMILIES["bank"]({t.real: t}, Supervision())
     u, y, q, _ = side_by_side(truths)
+    y = y if lost is None else np.where(lost[:, :y.shape[1], None], np.nan, y)
     return observer.run_many(u, y, np.zeros_like(q), t.real).r
 
 
@@ -179,10 +181,11 @@ def calibrated(plant: Plant, draft: Draft, options: dict, truths: list | None) -
     runs = runs_needed(probability, float(options.get("confidence", CONFIDENCE)), len(t.members))
     at_once = all(c <= float(settling.SHARE) * np.sqrt(top) for c, top in zip(draft.close, pilot))
     begin = 0 if at_once else wait
-    population = Population(begin + JUDGED)
+    population = Population(begin + JUDGED, gap=t.gap, bridge=t.bridge)
     if truths is None or len(truths[0].y) < begin + JUDGED:
         truths = fault_free_runs(plant, population, runs, seed)
-    found = calibrate(levels(t, truths)[:, begin:].max(axis=1), probability, len(truths[0].y))
+    lost = losses(replace(population, steps=len(truths[0].y)), runs, seed + 2)
+    found = calibrate(np.nanmax(levels(t, truths, lost=lost)[:, begin:], axis=1), probability, len(truths[0].y))
     found = replace(found, seed=seed, conditions=population.words(plant))
     bound = near(float(options.get("margin", MARGIN)) ** 2 * found.thresholds, t.real)
     return replace(t, bound=bound, settle=wait, begin=begin), found, truths

@@ -9,7 +9,6 @@ from ..certify import mode_certificate
 from ..designs import Design, claims_of
 from ..errors import CertificateError, DesignError
 from ..observers import FAMILIES, DrivenTables, FollowerTables, ModeTables, Supervision
-from ..observers.follower import SETS
 from ..plant.bounded import bounded
 from ..plant.model import Plant
 from ..synthesis import METHODS
@@ -126,12 +125,9 @@ def followed(plant: Plant, name: str, told: dict, proofs: dict, choice: list, op
     Raises
     ------
     DesignError, CertificateError
-        As ``designed``; a set that cannot start from a box.
+        As ``designed``.
     """
     family = next(iter(proofs.values()))["set"]
-    if family not in SETS:
-        raise DesignError(f'{plant.name}: observer.tables is "{options["tables"]}" where the mode is not known, '
-                          'expected "none" or "dwell": the set has to start from bounds of x at run time. Change it.')
     tables, certs = both(plant, options, lambda text: progress(f"{name}: {text}"))
     shared = [real for real in tables if real in told]
     return assembled(plant, name, "follower",

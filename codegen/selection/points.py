@@ -94,11 +94,14 @@ def explore(plant: Plant, module, family: str, options: dict,
     Raises
     ------
     DesignError
-        There are no gains, or no order settles.
+        There are no gains, or no order settles; a set that cannot start from a box where the mode is not known.
     CertificateError
         Gains were found, none survives rounding.
     """
     check_set_options(plant.name, options, family, plant.n_y)
+    if not plant.switching.known and options.get("tables", "none") not in ("none", "dwell"):
+        raise DesignError(f'{plant.name}: observer.tables is "{options["tables"]}" where the mode is not known, '
+                          'expected "none" or "dwell": the set has to start from bounds of x at run time. Change it.')
     failure, made = None, []
     for c in candidates(plant, module, options, lambda text: progress(f"{text} ({len(made)} certified)")):
         gains = {"L": c.L, "N": c.N, "kind": c.kind}

@@ -298,7 +298,7 @@ def demands(plant: Plant, t: PolytopicTables, cert: dict) -> Iterator[Demand]:
     cert : dict
     """
     problem = problem_of(plant, plant.options.get("channel", "state") if t.law is None else "state")
-    T1 = np.array((cert if t.law is not None else cert["energy"])["T1"])
+    T1 = np.array((cert if t.law is not None else cert["energy"]).get("T1", []))
     period = plant.sample_period if plant.kind == "continuous" else None
     if "waits" in cert["thresholds"]:
         return polytope_waiting.demands(plant, problem, t, cert["energy"])

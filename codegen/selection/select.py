@@ -18,7 +18,7 @@ from ..observers import FAMILIES, FramerTables, Supervision
 from ..periods import longest
 from ..plant.model import Plant
 from ..plant.uncertain import is_uncertain
-from ..synthesis import METHODS, check_options, known_options
+from ..synthesis import METHODS, check_modes, check_options, known_options
 from ..synthesis.linf import pairwise
 from ..synthesis.problem import Candidate, Problem
 from . import banks, filter_designs, modes, points, polytopes, sliding
@@ -165,6 +165,7 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     if "modes" in options and plant.switching.known:
         raise DesignError(f"{plant.name}: observer.modes says how the mode is found, but it is told (switching.known "
                           "is true). Leave one of them out.")
+    check_modes(plant.name, options, method)
     if method and METHODS[method].estimates_mode:
         make = sliding.designed if METHODS[method].family == "sliding" else modes.designed
         return make(plant, method, options, progress)
@@ -382,7 +383,8 @@ def finish(plant: Plant, trials: list[Trial], options: dict, progress: Callable[
     choice = [t.summary(plant) for t in trials]
     choice[0]["chosen"] = True
     if not plant.switching.known:
-        make = modes.followed if METHODS[best.method].sets else modes.driven
+        make = (modes.followed if METHODS[best.method].sets else
+                sliding.guided if options.get("modes") == "sliding" else modes.driven)
         return make(plant, best.method, tables, certs, choice, options, progress)
     family = best.cert.get("set") or METHODS[best.method].family_for(plant)
     observer = FAMILIES[family](tables, supervision(plant, certs[plant.target.real]))

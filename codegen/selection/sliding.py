@@ -1,16 +1,16 @@
-"""From a plant whose mode nobody tells to a bank of sliding modes: designed, certified, measured."""
+"""From a plant whose mode nobody tells to a bank of sliding modes, alone or guiding framers: certified, measured."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from ..analysis.sliding_measure import measured
+from ..analysis.sliding_measure import measured, paced
 from ..certify import sliding_claims
 from ..designs import Design, claims_of
 from ..errors import CertificateError, DesignError
-from ..observers import FAMILIES, SlidingTables, Supervision
+from ..observers import GuidedObserver, GuidedTables, SlidingObserver, SlidingTables, Supervision
 from ..plant.model import Plant
-from ..synthesis import METHODS
+from ..synthesis.guided_tables import guided as joined
 from ..synthesis.mode_sliding import TARGET, settings, theorem12
 from ..synthesis.sliding_tables import tables_of
 
@@ -40,28 +40,86 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
     CertificateError
         The gains do not have the levels that the solver states.
     """
+    tables, certs, label = both(plant, options, lambda text: progress(f"{name}: {text}"))
+    choice = [{"method": name, "design": label, "level": None, "relative_width": None, "surely_detected": [],
+               "chosen": True}]
+    return assembled(plant, name, SlidingObserver, tables, certs, choice, options)
+
+
+def guided(plant: Plant, name: str, told: dict, proofs: dict, choice: list, options: dict,
+           progress: Callable[[str], None]) -> Design:
+    """Framers that are told their mode, in the mode that the sliding modes decide for.
+
+    Parameters
+    ----------
+    plant : Plant
+    name : str
+        Method of the framers.
+    told, proofs : dict
+        real -> tables of the framers, and their certificate.
+    choice : list of dict
+        What was tried.
+    options : dict
+    progress : callable
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    DesignError, CertificateError
+        As ``designed``; framers in other coordinates.
+    """
+    if any(t.change is not None for t in told.values()):
+        raise DesignError(f'{plant.name}: coordinates = "change" is not to be had where the mode is not known, whose '
+                          'framers are cut in x; expected "none".')
+    tables, certs, _ = both(plant, options, lambda text: progress(f"{name}: {text}"))
+    shared = [real for real in tables if real in told]
+    tables = {r: joined(GuidedTables, tables[r], told[r]) for r in shared}
+    progress(f"{name}: false alarms, measured")
+    real = plant.target.real
+    cells = paced(plant, GuidedObserver({real: tables[real]}, supervision_of(plant)), real)
+    certs = {r: certs[r] | {"told": proofs[r], "paced": cells} for r in shared}
+    return assembled(plant, name, GuidedObserver, tables, certs, choice, options)
+
+
+def supervision_of(plant: Plant) -> Supervision:
+    """Alarms of the plant file, nothing assured."""
+    return Supervision.of(plant.target, assures=False)
+
+
+def both(plant: Plant, options: dict, progress: Callable[[str], None]) -> tuple[dict, dict, str]:
+    """Tables of the estimator, their certificates with what was measured, by number type, and what they are.
+
+    Raises
+    ------
+    DesignError, CertificateError
+        As ``designed``.
+    """
     chosen = settings(plant, options)
-    progress(f"{name}: gains of {plant.n_modes} modes")
+    progress(f"gains of {plant.n_modes} modes")
     try:
         found = theorem12([m.A for m in plant.modes], plant.modes[0].C, chosen["limit"], chosen["weight"])
     except DesignError as error:
         raise DesignError(f"{plant.name}: {error}") from None
-    progress(f"{name}: certificate")
+    progress("certificate")
     tables = {real: tables_of(SlidingTables, plant, found, chosen, real) for real in REALS}
     try:
         certs = {real: sliding_claims.prove(plant, t, found, chosen["limit"], TARGET) for real, t in tables.items()}
     except CertificateError as error:
         raise CertificateError(f"{plant.name}: {error}") from None
-    target = plant.target
-    family = FAMILIES[METHODS[name].family]
-    supervision = Supervision.of(target, assures=False)
-    progress(f"{name}: delays and wrong decisions, measured")
-    cells = measured(plant, family, supervision, lambda p: tables_of(
-        SlidingTables, p, found, settings(p, options | {"slope": chosen["slope"]}), target.real))
-    certs = {real: cert | {"measured": cells} for real, cert in certs.items()}
-    choice = [{"method": name, "design": f"gains within {chosen['limit']:g} 1/s", "level": None, "relative_width": None,
-               "surely_detected": [None] * plant.n_f, "chosen": True}]
+    progress("delays and wrong decisions, measured")
+    cells = measured(plant, SlidingObserver, supervision_of(plant), lambda p: tables_of(
+        SlidingTables, p, found, settings(p, options | {"slope": chosen["slope"]}), plant.target.real))
+    return (tables, {real: cert | {"measured": cells} for real, cert in certs.items()},
+            f"gains within {chosen['limit']:g} 1/s")
+
+
+def assembled(plant: Plant, name: str, family: type, tables: dict, certs: dict, choice: list, options: dict) -> Design:
+    """A design of tables and certificates; no fault is promised to be found."""
+    choice = [row | {"surely_detected": [None] * plant.n_f} for row in choice]
     faults = [{"channel": f.name, "unit": f.unit, "by_delay": [None]} for f in plant.f]  # none is promised to be found
-    return Design(plant, name, family(tables, supervision), certs,
+    return Design(plant, name, family(tables, supervision_of(plant)), certs,
                   {real: claims_of(plant, tables[real], certs[real]) for real in tables},
                   {real: faults for real in tables}, choice, options)

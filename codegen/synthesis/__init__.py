@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import ModuleType
 
+from ..errors import DesignError
 from . import (
     bank,
     component_interval,
@@ -151,4 +152,21 @@ def known_options(methods: list[str]) -> dict:
     return known
 
 
-__all__ = ["METHODS", "Method", "check_options", "known_options"]
+def check_modes(where: str, options: dict, method: str | None) -> None:
+    """Refuse options of the mode estimator that is not the one at hand, which nothing would read.
+
+    Raises
+    ------
+    DesignError
+    """
+    if method and METHODS[method].estimates_mode:
+        return
+    asked = options.get("modes", "set")
+    for word, module in (("set", mode_set), ("sliding", mode_sliding)):
+        for key in module.OPTIONS if word != asked else ():
+            if key in options and not (method and key in getattr(METHODS[method].module, "OPTIONS", ())):
+                raise DesignError(f'{where}: observer.{key} is given, which modes = "{word}" alone reads. Remove '
+                                  "it, or let the mode be found that way.")
+
+
+__all__ = ["METHODS", "Method", "check_modes", "check_options", "known_options"]

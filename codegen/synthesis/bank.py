@@ -12,7 +12,7 @@ Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, section 3
   the residual and the faults in it together.
 * the incidence of fault 2 on residual 2 is 0, where tables 3.3 and 3.8 print 1.
 * thresholds ("predefined" in print) come from a campaign of fault-free runs, with the confidence of order statistics.
-* residuals are averaged before they are compared, and an alarm holds for a while.
+* residuals are averaged before they are compared, and an alarm holds for a while; lost samples are bridged.
 """
 
 from __future__ import annotations
@@ -28,14 +28,16 @@ from .hminus_hinf import Faults
 Array = np.ndarray
 
 #: Options of ``[observer]``: decay of the errors (1/s) and size of the gains, time constant of the averages and how
-#: long an alarm holds (s), factor on the largest fault-free residual, probability that a run of the campaign's kind
-#: exceeds it, the confidence in that, seed of the campaign.
-OPTIONS = {"decay": (1e-9, 1e9), "gain": (1e-6, 1e9), "average": (1e-9, 1e6), "keep": (0.0, 1e6),
+#: long an alarm holds (s), lost samples in succession that are bridged, factor on the largest fault-free residual,
+#: probability that a run of the campaign's kind exceeds it, the confidence in that, seed of the campaign.
+OPTIONS = {"decay": (1e-9, 1e9), "gain": (1e-6, 1e9), "average": (1e-9, 1e6), "keep": (0.0, 1e6), "bridge": (1, 100),
            "margin": (1.0, 100.0), "probability": (1e-3, 0.5), "confidence": (0.5, 0.999), "seed": (0, 2**31)}
 #: Where the plant file says nothing.
 GAIN, MARGIN, PROBABILITY, CONFIDENCE = 100.0, 1.25, 0.05, 0.95
 #: Then the errors decay so many times faster than the slowest mode; samples that averages take and alarms hold.
 FASTER, AVERAGE, KEEP = 1.5, 25, 100
+#: Lost samples in succession that are bridged; measured ones that pay for each.
+BRIDGE, GAP = 5, 20
 
 
 def inapplicable(plant) -> str | None:
@@ -49,9 +51,11 @@ def inapplicable(plant) -> str | None:
     if reason is not None:
         return f"{reason}."
     if plant.kind != "continuous":
-        return "the plant is discrete, expected continuous."
+        return ("the plant is discrete, expected continuous: every observer is certified in Euler steps. State the "
+                'equations in continuous time; that there is a fault, not which, method "descriptor-discrete" says.')
     if plant.theta:
-        return "the weights read measured parameters, expected weights of states and inputs."
+        return ("the weights read measured parameters, expected weights of states and inputs. Make such a parameter an "
+                'input where the firmware knows it; that there is a fault, but not which, method "hminus-hinf" says.')
     if plant.n_f < 2:
         return f"signals.f has {plant.n_f} faults, expected two at least: with one there is nothing to tell apart."
     p = plant.polytope

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ..errors import DesignError
-from . import continuous, detection, linf, lipschitz, mode_set, policy, width
+from . import continuous, detection, linf, lipschitz, mode_set, mode_sliding, policy, width
 from .problem import Candidate, Judge, Problem
 from .structure import obstruction, slow_reason
 
@@ -21,7 +21,8 @@ OPTIONS = {
     "contraction": (0.0, 1.0), "sampling": ("euler", "second-order", "exponential"),
     "interpolation": ("linear", "quadratic"), "design": ("sampled", "continuous"), "decay": (0.0, 1e9),
     "metzler": (0.0, 1e12), "coordinates": ("none", "change"), "gain_cap": (0.0, 1e6), "evaluations": (1, 100000),
-    "within": (0, 50), "gains": dict, "modes": ("set",), **mode_set.OPTIONS,
+    "within": (0, 50), "gains": dict, "modes": ("set", "sliding"), **mode_set.OPTIONS,
+    **mode_sliding.OPTIONS,
 }
 
 
@@ -119,7 +120,8 @@ def untold_reason(plant) -> str | None:
     """Where nobody tells the mode: what stands in the way of finding it beside framers; None if nothing does."""
     if plant.switching.known:
         return None
-    if (reason := mode_set.inapplicable(plant)) is not None:
+    sliding = plant.options.get("modes") == "sliding"
+    if (reason := (mode_sliding if sliding else mode_set).inapplicable(plant)) is not None:
         return f"the mode is not known at run time, and it cannot be found there: {reason}"
     own = next((m for m in plant.modes if m.theta_bounds is not None), None)
     if own is not None:

@@ -16,14 +16,16 @@ def every_number_of_the_family(t, found, modes):
     own = vars(t)
     if hasattr(t, "weights"):
         own = own | {"weights": np.array(t.weights.constants)}
+    if getattr(t, "uneven", False):
+        own = own | {"least_pivot": np.array(t.least_pivot)}
     if getattr(t, "law", None) is not None:
         own = own | vars(t.law) | {"period": np.array(t.law.period)}
     for name, value in own.items():
         there = name in {key[0] for key in found}
         if not isinstance(value, np.ndarray) or (name in ("S", "x_lo", "x_hi", "x0_lo", "x0_hi") and not there):
             continue
-        if not there and not np.any(value):
-            continue  # a product with zeros alone is left out
+        if not there and not np.any(value if name != "pivot" else value - 1):
+            continue  # a product with zeros alone is left out, and one with pivots that are all 1
         for index, v in np.ndenumerate(value):
             if name.startswith(("J", "birth")) and index[0] == index[1]:
                 continue

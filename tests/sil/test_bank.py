@@ -11,6 +11,7 @@ from helpers import banks
 from helpers.folders import built
 from helpers.tools import need
 
+from codegen.analysis.calibration import Population, losses
 from codegen.observers import BankObserver, Supervision
 from codegen.observers.bank import blamed
 
@@ -19,11 +20,11 @@ need("gcc")
 
 @pytest.mark.parametrize("real", ["float32", "float64"])
 def test_the_c_equals_the_reference(real, tmp_path):
-    """Faults, lost and refused samples, a debounce: every answer, and all kinds of them."""
+    """Faults, a debounce, samples that are refused, or lost and bridged, or lost in too long a row: every answer."""
     t = replace(banks.design().observer.tables[real], settle=40, keep=7)
     design = replace(banks.design(), observer=BankObserver({real: t}, Supervision((2, 3), False, 4, 3, assures=False)))
     u, y, q = (np.array(v) for v in short_runs())
-    y[1, 20], y[1, 100] = np.nan, [0, 1e9, 0]
+    y[1, 20], y[1, 100], y[0, 110:113], y[2, 150:157] = np.nan, [0, 1e9, 0], np.nan, np.nan  # the last: too many
     u[2, 70], y[3] = np.inf, np.random.default_rng(0).uniform(t.y_lo, t.y_hi, y[3].shape)
     reference = design.observer.run_many(u, y, q, real)
     assert built(design, tmp_path, real, "table").run_many(u, y, q).differs(reference) == []
@@ -31,6 +32,8 @@ def test_the_c_equals_the_reference(real, tmp_path):
     assert set(np.unique(reference.isolated)) == {-1, 0, 1, 2} and not reference.assured.any()
     assert len(np.unique(reference.raised)) >= 5 and 0 < reference.ready.mean() < 1 and 0 < reference.inside.mean() < 1
     assert (reference.raw_bits != reference.alarm_bits).any()
+    assert reference.ready[0, [109, 113]].all() and reference.ready[2, [149, 197]].all()
+    assert not reference.ready[2, 150:197].any()
 
 
 @lru_cache
@@ -60,9 +63,35 @@ def test_the_reference_names_it_too():
 
 def test_fresh_runs_without_fault_are_quiet():
     """60 runs of the kind that the thresholds are calibrated for; 5 % may alarm, the margin leaves fewer."""
-    trace = banks.driver().run_many(*banks.runs([(5000 + k, []) for k in range(60)], 400))
+    u, y, q = banks.runs([(5000 + k, []) for k in range(60)], 400)
+    trace = banks.driver().run_many(u, y, q)
     assert trace.ready.all() and int(trace.alarm.any(axis=1).sum()) <= 3
     assert np.all(trace.r.max(axis=(0, 1)) > 0.2 * trace.r_bound[0, 0])  # thresholds are not merely large
+    lost = lost_of(60, 400)
+    bridged = banks.driver().run_many(u, np.where(lost[..., None], np.nan, y), q)
+    assert bridged.ready[~lost].all() and int(bridged.alarm.any(axis=1).sum()) <= 3
+    assert int(banks.driver().run_many(u, np.where(lost[..., None], 0.0, y), q).alarm.any(axis=1).sum()) > 30
+
+
+def lost_of(runs: int, steps: int) -> np.ndarray:
+    t = banks.design().observer.tables["float32"]
+    return losses(Population(steps, gap=t.gap, bridge=t.bridge), runs, 7)
+
+
+def test_lost_samples_are_bridged():
+    """As many as may be lost: each fault is named as before, none at a sample that is lost; else nothing would be."""
+    u, y, q = banks.one_fault_each()
+    lost = lost_of(*y.shape[:2])
+    assert 0.02 < lost.mean() < 1 / 20
+    gaps = np.where(lost[..., None], np.nan, y)
+    trace = banks.driver().run_many(u, gaps, q)
+    for k, (start, stop, _) in enumerate(banks.FAULTS):
+        named = trace.isolated[2 * k:2 * k + 2]
+        assert (named[:, start:stop] == k).mean() >= (0.96, 0.94, 0.81)[k] and set(np.unique(named)) == {-1, k}
+        assert not trace.alarm[2 * k:2 * k + 2, :start].any()
+    assert np.all((np.diff(trace.isolated, axis=1) == 0) | ~lost[:, 1:]) and trace.ready[~lost].all()
+    unpaid = mutated(lambda t: replace(t, gap=10**6)).run_many(u[:, :400], gaps[:, :400], q[:, :400])
+    assert unpaid.ready.mean() < 0.3 and (unpaid.isolated[:, 300:] == -1).all()
 
 
 def mutated(change):

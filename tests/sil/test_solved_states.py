@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
-from helpers.descriptors import GENERATED, plant
+from helpers.descriptors import GENERATED
 from helpers.folders import write
+from helpers.solved import stand_in
 from helpers.tools import need
 
 from codegen.analysis.frequency import responses
@@ -16,31 +17,11 @@ from codegen.analysis.validate import validate
 from codegen.designs import Design, read_design
 from codegen.emit.layouts import LAYOUTS
 from codegen.host import build
-from codegen.observers import DescriptorObserver, DescriptorTables, Supervision
+from codegen.observers import DescriptorObserver
 from codegen.plant.simulate import simulate
-from codegen.selection.polytopic_tables import limited, tables_of
-from codegen.synthesis.descriptor_gains import StandardGains
 
 need("gcc")
 CONTACT = GENERATED / "disc_contact_descriptor-direct"
-
-
-def stand_in(uneven: bool, real: str = "float32") -> Design:
-    """Constants that mean nothing, of the shape of the contact force; two pivots or one."""
-    p, rng = plant("disc_contact"), np.random.default_rng(5)
-    h, n, m, y = 2, p.n_x, p.n_u, p.n_y
-    F, G, K = rng.uniform(-0.3, 0.3, (h, n, n)), rng.uniform(-1, 1, (h, n, m)), rng.uniform(-0.1, 0.1, (h, n, y))
-    F[:, 2:], G[:, 2:], K[:, 2:] = np.eye(n)[2:], 0.0, 0.0
-    gains = StandardGains(*(M.astype(real).astype(float) for M in (np.zeros((n, y)), F, G, K, p.polytope.C)))
-    base = limited(p, tables_of(p, gains, np.eye(y), real), np.eye(n), -0.1 * np.ones(n))
-    P, Q = rng.uniform(-1, 1, (h, 2, n)), rng.uniform(-1, 1, (h, 2, m))
-    P[:, :, 2:], P[:, 0, 0] = 0.0, 0.25  # a factor that both vertices share
-    base = replace(base, h=np.array([[0.4, 0.9], [0.2, 0.5], [0.1, 0.3]], real), shift=1)
-    t = DescriptorTables(**{f.name: getattr(base, f.name) for f in fields(base)}, P=P.astype(real), Q=Q.astype(real),
-                         pivot=np.array([1.0, 0.3 if uneven else 1.0], real), algebraic=(2, 3))
-    p = replace(p, target=replace(p.target, prefix="obs", real=real))
-    return Design(p, "descriptor-direct", DescriptorObserver({real: t}, Supervision(debounce=(2, 3), recover=4)),
-                  {real: {"kind": "polytopic"}}, {real: ["nothing: constants of a test"]}, {real: []})
 
 
 def same(design: Design, folder, real: str = "float32") -> bool:

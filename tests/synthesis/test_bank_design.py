@@ -88,6 +88,14 @@ def settles_sooner(t, cert):
     return replace(t, settle=t.settle // 2)
 
 
+def bridges_more(t, cert):
+    return replace(t, bridge=2 * t.bridge)
+
+
+def bridges_more_often(t, cert):
+    return replace(t, gap=t.gap - 1)
+
+
 def lower_threshold(t, cert):
     return replace(t, bound=t.bound / 1000)
 
@@ -117,8 +125,9 @@ def another_start(t, cert):
 
 
 @pytest.mark.parametrize("mutant", [louder, louder_in_the_proof, quieter, another_period, faster, hears_less,
-                                    no_campaign, settles_sooner, lower_threshold, judged_at_once, reads_its_own_sensor,
-                                    another_gain, another_weight, another_start], ids=lambda m: m.__name__)
+                                    no_campaign, settles_sooner, bridges_more, bridges_more_often, lower_threshold,
+                                    judged_at_once, reads_its_own_sensor, another_gain, another_weight,
+                                    another_start], ids=lambda m: m.__name__)
 def test_the_exact_check_refuses(mutant):
     p, t, cert = bank()
     changed = mutant(t, cert)

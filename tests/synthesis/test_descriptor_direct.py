@@ -86,6 +86,7 @@ def test_the_algebraic_equations_hold_for_all_weights(name):
         assert left(replace(t, pivot=np.ones_like(t.pivot))) > 1e-3
         h = np.random.default_rng(0).dirichlet(np.ones(3), 50)
         assert np.abs(of_pivots(t, h).sum(axis=1) - 1).max() < 1e-15 and (h @ t.pivot).min() >= t.pivot.min()
+        assert np.all(of_pivots(t, 0 * h) == 0)  # weights that are none meet the guard
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -162,7 +163,7 @@ def test_tampering_is_refused(key):
 def test_a_pivot_that_is_not_positive_is_refused():
     """Whatever the level says: the C divides by a mean of them."""
     problem, t = held("dlpv")
-    for least in (0.0, -0.1, np.nan):
+    for least in (0.0, -0.1, np.nan, 2.0**-61):
         wrong = replace(t, pivot=np.array([1.0, 0.8, least]))
         with pytest.raises(CertificateError, match="the least pivot"):
             descriptor_bounds.model(plant("dlpv"), problem, wrong, 0.01)

@@ -196,7 +196,7 @@ def test_tampering_is_caught(place, words):
 
 @pytest.mark.parametrize("old, new, words", [
     ("known = false", "known = true", "observer.modes says how the mode is found"),
-    ('modes = "set"', 'modes = "sliding"', "observer.modes is 'sliding'"),
+    ('modes = "set"', 'modes = "sliding"', "cannot be found there: needs a continuous plant"),
     ("minimum_dwell = 1", "", "cannot be found there: no dwell time is declared"),
     ('method = "tnl-interval"', 'method = "hinf-filter"', 'Method "mode-set" finds it')])
 def test_refusals(old, new, words):

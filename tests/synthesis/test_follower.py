@@ -13,8 +13,10 @@ from flint import arb
 import codegen
 from codegen.analysis import mode_promise
 from codegen.analysis.validate import judge
+from codegen.assurance import point_margins
 from codegen.certify import follower_certificate
 from codegen.designs import claims_of, read_design
+from codegen.emit import set_ranges
 from codegen.errors import CertificateError, DesignError
 from codegen.observers import FollowerObserver, FollowerTables, ModeObserver, Supervision, follower
 from codegen.plant.load import load, loads
@@ -121,6 +123,20 @@ def test_smaller_thresholds_lose_the_truth():
                   replace(z, h=early(z.h), hx=early(z.hx)), replace(z, sizes=z.sizes * np.float32(8))):
         assert lost("table", replace(t, told=replace(t.told, shape=wrong)), "float32")[0] > 0
     assert lost("table", t, "float32", AlwaysSmall)[0] > 0
+
+
+def test_margins_of_a_table():
+    """What assurance would state of it; a width that is less than the last rows does not hold, nor do they by less."""
+    (t, cert), modes = told("table", "float32"), plant("table").modes
+    held = point_margins.HELD["starts"](modes, t, cert)
+    assert all(m.holds for margins in held.values() for m in margins)
+    assert held["alarm"] and held["bounded"] and held["ultimate"]
+    less = cert | {"steady_box": {k: [0.9 * x for x in v] for k, v in cert["steady_box"].items()}}
+    assert not any(m.holds for m in point_margins.HELD["starts"](modes, t, less)["ultimate"])
+    small = replace(t, shape=replace(t.shape, h=t.shape.h * np.float32(0.99)))
+    with pytest.raises(CertificateError, match="start 0 in mode 0"):
+        point_margins.HELD["starts"](modes, small, cert)
+    assert set_ranges.RANGES["starts"](t, {}).words == {"stage": 4, "since": 8}
 
 
 @pytest.mark.parametrize("real", ["float32", "float64"])
@@ -236,6 +252,7 @@ def test_tampering_is_caught(place, words):
 @pytest.mark.parametrize("old, new, words", [
     ("known = false", "known = true", "ages|modes"),
     ("order     = 8", 'tables    = "arbitrary"', 'expected "none" or "dwell"'),
+    ("order     = 8", 'tables    = "schedule"', 'expected "none" or "dwell"'),
     ("minimum_dwell = 1 ", "# ", "cannot be found there: no dwell time is declared")])
 def test_refusals(old, new, words):
     text = load("fan").text.replace(old, new).replace("[observer]", '[observer]\nmodes = "set"')

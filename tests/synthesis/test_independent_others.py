@@ -247,7 +247,8 @@ BANK = {
         (*PROOF, "proof", "T1", 0, 0, 3), 1.5, "the level at"), "period": ((*PROOF, "proof", "period"), 1.01, "period"),
     "start": ((*PROOF, "start", "gain2"), 0.9, "size of the residual"), "another's": (
         (*PROOF, "start", "member"), 1, "start of another"), "settling": ((*T, "settle"), 300, "settling time"),
-    "begin": ((*T, "begin"), 5, "start of member"), "limit": ((*T, "limit", 1), 0.5, "limits of member 0"),
+    "begin": ((*T, "begin"), 5, "start of member"), "lost": ((*T, "bridge"), 6, "lost samples"),
+    "pay": ((*T, "gap"), 19, "lost samples"), "limit": ((*T, "limit", 1), 0.5, "limits of member 0"),
     "averages": ((*T, "most", 3), 0.4, "averages of member 1"), "bound": (
         (*T, "bound", 0), 0.5, "settling|below the largest"), "wide bound": ((*T, "bound", 0), 3.0, "not isolated"),
     "runs": ((*C, "calibration", "runs"), 92, "confidence"), "probability": (
@@ -300,7 +301,7 @@ def test_a_bank_of_given_vertices_is_proved_and_a_foreign_plant_is_not_judged(ch
 
 #: What of the C, and what instead.
 CHANGES = {
-    "bank": ((r"s->z\[2\] \+ in->y\[1\]", "s->z[2] + in->y[0]"), (r"left\[i\] = 100U", "left[i] = 10U"),
+    "bank": ((r"s->z\[2\] \+ s->y\[1\]", "s->z[2] + s->y[0]"), (r"left\[i\] = 100U", "left[i] = 10U"),
              (r"wait = 431U", "wait = 43U"), (r"12\.75\d*F", "12.5F"),
              (r"0x2U, 0x1U", "0x1U, 0x2U"), (r"(bound\[\w+\] = \{\s*)[\d.]+F", r"\g<1>0.123F"),
              (r"0\.73849833F", "0.73849837F"), (r"s->z\[0\] = 0\.1F", "s->z[0] = 0.3F"), (r"<= 20\.0F", "<= 21.0F"),

@@ -9,10 +9,17 @@ import sys
 from fractions import Fraction
 from functools import cache
 
+import numpy as np
 import pytest
 from helpers.kept import OTHERS, family_of
 from helpers.scripts import prefix_of
 from synthesis.test_independent import CHECKER
+from synthesis.test_polytopic_near import TANK
+
+from codegen.plant.load import loads
+from codegen.selection.polytopic_tables import frozen, tables_of
+from codegen.synthesis.descriptor_gains import StandardGains
+from codegen.synthesis.descriptor_problem import problem_of
 
 FOLDERS = {f.name.partition("_")[0]: f for f in OTHERS if family_of(f) == "polytopic"}
 CHECKED = [name for name in FOLDERS if name != "digester"]
@@ -44,7 +51,7 @@ def run(checker):
         if text not in plants:
             p = checker["sector"].read_plant(text)
             plant = checker["pairs"].Plant(p)
-            plants[text] = p, plant, checker["drift"].Drift(plant)
+            plants[text] = p, plant, checker["drift"].Drift(plant) if plant.T is not None else None
         p, plant, drift = plants[text]
         shares = checker["blend"].check_weights(t, len(p["x"]) + len(p["u"]))
         errors = checker["pairs"].Errors(plant, t, cert.get("energy", cert)["T1"], drift)
@@ -104,7 +111,6 @@ def test_says_which_plants_it_knows_between_samples(checker):
     from codegen.certify.polytope_drift import drift
     from codegen.certify.polytope_ranges import Ranges
     from codegen.plant.load import load
-    from codegen.synthesis.descriptor_problem import problem_of
     for name in ("disc", "disc_contact", "quadrotor", "dlpv"):
         plant = load(name)
         own = checker["pairs"].Plant(checker["sector"].read_plant(plant.text))
@@ -190,6 +196,41 @@ def test_near_weights_are_those_of_powers_that_the_c_cuts_to_their_bounds(checke
     with pytest.raises(SystemExit) as stopped:
         near.apart(found, (premise[0][::-1], *premise[1:]))
     assert stopped.value.code == 2
+
+
+#: The tank beside another one that its pump stirs: premises are the square of a state, named with a sign, and an input.
+TWO_TANKS = {
+    'x = [{ name = "level", range = [0, 2] }]':
+        'x = [{ name = "level", range = [0, 2] }, { name = "other", range = [-1, 1] }]',
+    "x_lo = [0.5]": "x_lo = [0.5, 0]", "x_hi = [0.5]": "x_hi = [0.5, 0]", "C = [[1]]": "C = [[1, 0]]",
+    "E = [[1]]": "E = [[1, 0], [0, 1]]", '["0.5*level + 0.1*level**2 + 0.1*pump"]':
+        '["0.4*level + 0.05*level**3 + 0.02*other + 0.1*pump", "0.3*other + 0.1*pump*other"]\n'
+        'premise = [{ name = "square", term = "-2*level**2" }]'}
+
+
+def test_weights_of_two_premises_one_of_them_an_input(run, checker):
+    """A discrete plant that no folder has: proved as it is, refused where any number is another."""
+    text = TANK
+    for old, new in TWO_TANKS.items():
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    plant = loads(text)
+    problem = problem_of(plant)
+    A, B = (getattr(problem, k).astype("float32").astype(float) for k in "AB")
+    K = np.tile([[-0.25], [0.0]], (len(A), 1, 1))
+    t = tables_of(plant, StandardGains(np.zeros((2, 1)), A, B, K, problem.C), np.eye(1), "float32")
+    t, cert = frozen(plant, problem, t, np.eye(2), None)
+    assert [str(q.term) for q in plant.polytope.premises] == ["-2*level**2", "pump"] and len(cert["near"]["sees"]) == 2
+    data = json.loads(json.dumps({"plant": {"toml": text}, "tables": {"float32": t.to_dict()}, "certificate": {
+        "float32": {"T1": np.eye(2).tolist(), "thresholds": cert}}}))
+    run(data)
+    for path, factor, words in (((*C, "thresholds", "near", "sees", 0, 1, 0), 2.0, "not kept"),
+                                ((*C, "thresholds", "bounds", 0, 0), 0.98, "not kept"),
+                                ((*T, "h", -1, 0), 0.999, "threshold row")):
+        with pytest.raises(SystemExit, match=f"refused: .*{words}"):
+            run(scaled(data, path, factor))
+    with pytest.raises(SystemExit, match="refused: .*not kept"):
+        run(data | {"plant": {"toml": text.replace("level**3", "level**3*1.1")}})
 
 
 @pytest.mark.parametrize("name, old, new, words", [

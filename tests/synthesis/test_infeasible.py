@@ -101,7 +101,7 @@ CASES = {
         GOOD, "interval", {"lamda": 0.5},
         "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, lambda, contraction, "
         "sampling, interpolation, design, decay, metzler, coordinates, gain_cap, evaluations, within, gains, modes, "
-        "ages, horizon, restart). Remove it or correct its name."),
+        "ages, horizon, restart, gain_limit, weight, slope, blank, window, share). Remove it or correct its name."),
     "criterion": (
         GOOD, "interval", {"criterion": "best"},
         "base: observer.criterion is 'best', "

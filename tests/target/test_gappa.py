@@ -81,7 +81,8 @@ def kept():
     for folder in ROUNDED:
         own = json.loads((folder / "resources.json").read_text())["real"]
         small = next(folder.glob("rounding_*.g")).read_text().count(" r=\n") <= SMALL
-        both = small and folder not in POINTS and family_of(folder) not in ("mode", "polytopic")
+        both = small and folder not in POINTS and family_of(folder) not in (
+            "mode", "polytopic", "descriptor")
         yield from (pytest.param(folder, real, id=f"{folder.name}-{real}") for real in REALS if real == own or both)
 
 

@@ -10,6 +10,7 @@ from helpers.designs import GUARDED, stand_in
 from helpers.folders import write
 from helpers.kept import OTHERS, POINTS, STATED, family_of, first_of_each
 from helpers.scripts import prefix_of
+from helpers.solved import stand_in as two_pivots
 from helpers.tools import need
 
 from codegen.designs import read_design
@@ -116,6 +117,7 @@ OTHER_MUTANTS = {  # of a filter, a small mode estimator, driven framers: what o
     "bounds without a beginning": ("mode", r"out->x_lo\[i\] = FLT_MAX;", "", "initialized"),
     "limits that are not looked at": ("bank", r"if \(!\w+_sound\(s\)\)", "if (false)", "z|a"),
     "a wait without end": ("bank", r"s->wait--;", "s->wait++;", "s->wait"),
+    "a credit below nothing": ("bank", r"s->credit >= \w+_GAP", "s->credit >= 19U", "s->credit"),
     "a mean that grows": ("sliding", r"\(total - old\)", "(total + old)", "level"),
     "a bound that is not cut": ("sliding", r"result = limit;", "result = value;", "box_hi|is_finite"),
     "a step that reads what is not held": ("driven", r"held\.y\[i\] = s->y\[i\];", "", "initialized"),
@@ -176,6 +178,18 @@ def test_what_is_wrong_of_an_observer_that_follows_is_not_proved(mutant, tmp_pat
     result = prove(folder)
     assert result.proved == (not pattern), result.alarms
     assert not pattern or any(re.search(words, alarm) for alarm in result.alarms), result.alarms
+
+
+@pytest.mark.parametrize("guard", [True, False])
+def test_a_mean_of_pivots_is_divided_by_behind_its_guard(guard, tmp_path):
+    """Of weights that may all vanish, which no sound ones do: intervals cannot tell."""
+    need("frama-c")
+    folder = write(two_pivots(True), tmp_path)
+    rewrite(folder, "obs.c", r"h\[0\] = t7;", "h[0] = t6;")
+    if not guard:
+        rewrite(folder, "obs.c", r"pivot = \(pivot > 0\.15F\) \? pivot : 0\.15F;", "")
+    alarms = prove(folder).alarms
+    assert bool(alarms) is not guard and (guard or "obs_estimate" in alarms[0] and "is_finite" in alarms[0]), alarms
 
 
 def test_a_mode_estimator_without_inputs_is_proved(tmp_path):

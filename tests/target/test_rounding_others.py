@@ -7,17 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import driven, follower, small_sliding
+from helpers import driven, follower, small_sliding, solved
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import PLANTS, stand_in
 from target.test_gappa import REALS, evaluate, fraction, script_of
 
+from codegen.certify.descriptor_bounds import algebraic_rounding
 from codegen.certify.exact import Q
 from codegen.certify.fault_bounds import slips
 from codegen.certify.filter_model import joint, rounding_of
 from codegen.certify.polytope_rounding import rounding as rounding_bounds
 from codegen.certify.sets import SetDemands
 from codegen.designs import read_design
+from codegen.observers.descriptor import of_pivots
 from codegen.observers.filter import add_terms
 from codegen.observers.framer import open_loop, propagate, scheduled
 from codegen.observers.mode_set import ModeSet, affine, image
@@ -62,6 +64,7 @@ def test_script_of_a_filter_is_about_the_sums_of_the_reference(folder, real):
 
 
 POLYTOPIC = [f for f in OTHERS if family_of(f) == "polytopic"]
+SOLVED = [f for f in OTHERS if family_of(f) == "descriptor"]
 
 
 @pytest.mark.parametrize("real", REALS)
@@ -88,6 +91,36 @@ def test_script_of_a_polytopic_observer_is_about_the_sums_of_the_reference(folde
         assert 0 < margin <= expected[which][1][int(i)]
     stated = {name.removeprefix(f"{prefix}_").rpartition("_")[0] for name in names}
     assert {"estimate", "residual", "move"} <= stated and sum("_move_" in n for n in names) >= len(z) - 1
+
+
+@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("which", [*SOLVED, "two pivots"], ids=lambda w: getattr(w, "name", w))
+def test_script_of_solved_equations_is_about_the_sums_of_the_reference(which, real):
+    """Weights at z; what every vertex says of an algebraic state, the state, residual and z of the next sample."""
+    design = solved.stand_in(True, real) if which == "two pivots" else read_design(which)
+    rng, number = np.random.default_rng(6), np.dtype(real).type
+    t, text, prefix = design.observer.tables[real], script_of(design, real), design.plant.target.prefix
+    z, y, u = (rng.uniform(lo, hi).astype(real) for lo, hi in ((t.z_lo, t.z_hi), (t.y_lo, t.y_hi), (t.u_lo, t.u_hi)))
+    x_hat, r, _, after = design.observer.advance(t, z[None], u[None], y[None], np.zeros((1, 0), real), np.array([True]))
+    h = np.array([w[0] for w in evaluate_program(t.weights, [*z[None].T, *u[None].T], real)[:-1]], real)
+    values = {f"{s}_{j}": a for s, row in (("z", z), ("y", y), ("u", u), ("x_hat", x_hat[0]), ("r", r[0]), ("h", h), (
+        "g", of_pivots(t, h[None])[0])) for j, a in enumerate(row)}
+    names, held = re.findall(ROW, text), rounding_bounds(t, (), algebraic_rounding(t))
+    for name in names:
+        for kind, letter in (("solved", "a"), ("vertex", "v")):
+            if f"_{kind}_" in name:
+                values[f"{letter}_" + name.partition(f"_{kind}_")[2]] = evaluate(text, name, values, number)
+    expected = {"estimate": (x_hat[0], held.x_hat), "residual": (r[0], held.r), "move": (after[0], held.z)}
+    said = [name.removeprefix(f"{prefix}_").split("_") for name in names]
+    for kind, *at in said:
+        margin = Q(float.fromhex(re.search(rf"exact_{'_'.join((prefix, kind, *at))}\| <= (\S+)", text)[1]))
+        i = int(at[0])
+        if kind in expected:
+            assert evaluate(text, f"{prefix}_{kind}_{i}", values, number) == expected[kind][0][i], (kind, i)
+        assert 0 < margin <= expected.get(kind, expected["estimate" if kind == "solved" else "move"])[1][i]
+    assert {int(at[0]) for kind, *at in said if kind == "estimate"} == set(t.algebraic)
+    assert {int(at[0]) for kind, *at in said if kind == "move"} == set(t.moving)
+    assert ("g_0 in [" in text) == t.uneven
 
 
 @pytest.mark.parametrize("real", REALS)

@@ -19,6 +19,7 @@ from codegen.analysis.calibration import (
     confidence,
     fault_free_runs,
     largest_values,
+    losses,
     pattern,
     runs_needed,
 )
@@ -92,6 +93,22 @@ def test_mode_sequences_keep_to_the_switching():
     steps = np.array([turn.switching.schedule[k % len(turn.switching.schedule)] for k in range(30)])
     starts, modes = zip(*pattern(turn, 30, rng))
     assert np.array_equal(np.array(modes)[np.searchsorted(starts, np.arange(30), side="right") - 1], steps)
+
+
+def test_losses_are_paid_for_and_use_what_they_may():
+    """A count of its own; bursts of every length, alone and in one another's wake; no longer run, no larger share."""
+    population = Population(4000, gap=20, bridge=3)
+    lost, seen = losses(population, 20, seed=3), set()
+    for row in lost:
+        credit, burst = 0, 0
+        for gone in row:
+            assert not gone or credit >= 20
+            seen |= {burst} - {0} if not gone else set()
+            credit, burst = (credit - 20, burst + 1) if gone else (min(credit + 1, 60), 0)
+    assert seen == {1, 2, 3} and 0.03 < lost.mean() < 1 / 21
+    assert np.array_equal(lost, losses(population, 20, seed=3)) and not np.array_equal(lost, losses(population, 20, 4))
+    assert not losses(Population(300), 5).any()
+    assert population.words(load("farhat"))[-1].startswith("1 to 3 measurements in succession missing")
 
 
 def test_campaign_over_a_reference():

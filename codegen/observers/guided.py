@@ -1,0 +1,90 @@
+"""Run-time family "guided": framers in the mode that an estimator by sliding modes decides for.
+
+The estimator (``sliding``) decides for one mode at every sample, and has a pair of bounds that is right while its
+decision is. One pair of framers, as they are where the mode is told (``tnl``; N = 0 for the classical observer), runs
+beside it:
+
+1. where the estimator's bounds are the declared range (from a detection until its decision is taken up, after an alarm,
+   a reset, a missing sample) the framers start there;
+2. else they move by the step of the mode that is decided for, which is that of the last sample, and are cut to the
+   estimator's bounds;
+3. what they expect of y is the residual interval; zero outside it, or crossed bounds, sets a bit of the alarm.
+
+So where no fault acts and the decision has been the true mode since it was taken up, the framers hold the state: they
+start from what holds it, the step of the true mode carries it, the bounds that they are cut to hold it. Nothing is
+known of the decision, so ``assured`` is never set, and a bit other than the estimator's own is a fault or a decision
+that is not right (yet). An alarm begins everything anew, the estimator too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from .framer import FramerTables, open_loop, propagate, residuals
+from .sliding import SlidingObserver
+from .sliding_tables import SlidingTables
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True)
+class GuidedTables(SlidingTables):
+    """Constants of the estimator, and of the framers that it guides.
+
+    Parameters
+    ----------
+    told : FramerTables
+        Of the observer that is told its mode; no measured parameters, no change of coordinates.
+    """
+
+    told: FramerTables | None = None
+
+    @property
+    def clamp(self) -> bool:
+        """Whether the framers are cut to the declared ranges."""
+        return self.told.clamp
+
+    def to_dict(self) -> dict:
+        """Return plain lists for design.json; every float is exact."""
+        return {**super().to_dict(), "told": self.told.to_dict()}
+
+    @classmethod
+    def from_dict(cls, data: dict, sizes: tuple[int, int, int, int] | None = None) -> GuidedTables:
+        """Rebuild from ``to_dict``; ``sizes`` as of ``SlidingTables``."""
+        own = SlidingTables.from_dict(data, sizes)
+        return cls(**{f.name: getattr(own, f.name) for f in fields(SlidingTables)},
+                   told=FramerTables.from_dict(data["told"], own.sizes))
+
+
+class GuidedObserver(SlidingObserver):
+    """The framers among input checks and alarms; see ``Runner`` for the calls. No mode is read."""
+
+    family = "guided"
+    tables_class = GuidedTables
+    stated = False
+
+    def bits(self, t: GuidedTables) -> int:
+        """Alarm bits: the estimator's, one per output, crossed bounds."""
+        return t.sizes[3] + 2
+
+    def start(self, t: GuidedTables, runs: int, x0_lo: Array | None = None, x0_hi: Array | None = None) -> None:
+        """Set all runs to the initial box (``<p>_init``); framers start from the declared range."""
+        super().start(t, runs, x0_lo, x0_hi)
+        _, n, n_u, p = t.sizes
+        self.frame = [np.zeros((runs, n), t.dtype) for _ in range(2)]
+        self.before = [np.zeros((runs, count), t.dtype) for count in (n_u, p)]
+
+    def _answered(self, t: GuidedTables, step: Array, kept: Array, answer, u: Array, y: Array, r):
+        """Bounds, residuals and alarm bits of the framers."""
+        (shown, decided), none = answer, np.zeros((len(step), 0), t.dtype)
+        moved = propagate(t.told, decided, *self.frame, *self.before, y, none, change=none)
+        blind = open_loop(t.told, decided, *self.frame, self.before[0])
+        lo, hi = (np.where(step[:, None], a, b) for a, b in zip(moved, blind))
+        lo, hi = np.where(lo > shown[0], lo, shown[0]), np.where(hi < shown[1], hi, shown[1])
+        self.frame = [np.where(kept[:, None], a, b) for a, b in zip((lo, hi), shown)]
+        self.before = [u, y]
+        r_lo, r_hi = residuals(t.told, decided, *self.frame, u, y)
+        crossed = (self.frame[0] > self.frame[1]).any(axis=1)
+        return self.frame, (r_lo, r_hi), np.column_stack([(r_lo > 0) | (r_hi < 0), crossed])

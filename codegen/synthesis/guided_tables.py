@@ -1,0 +1,28 @@
+"""Tables of framers that an estimator by sliding modes guides: both in one."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+
+def guided(tables_class, own, told):
+    """Put both in one table; it accepts the inputs and measurements that both accept.
+
+    Parameters
+    ----------
+    tables_class : type
+        ``GuidedTables``.
+    own : SlidingTables
+    told : FramerTables
+        Of the same number type.
+
+    Returns
+    -------
+    GuidedTables
+    """
+    both = {f.name: getattr(own, f.name) for f in fields(own)}
+    for name, inner in (("u_lo", np.maximum), ("u_hi", np.minimum), ("y_lo", np.maximum), ("y_hi", np.minimum)):
+        both[name] = inner(both[name], getattr(told, name))
+    return tables_class(**both, told=told)
