@@ -20,6 +20,7 @@ from codegen.designs import read_checked
 from codegen.emit.package import firmware
 from codegen.errors import CertificateError
 from codegen.observers import FAMILIES
+from codegen.observers.follower import SETS as INNER
 
 LAYOUTS = ("literal", "table", "loop")
 
@@ -151,7 +152,8 @@ def test_a_false_level_is_refused(folder):
 
 def test_every_kind_of_set_has_its_conditions():
     """A new one must not slip through: its certificate is checked, so its claims have margins and words."""
-    assert set(CHECKS) == set(point_margins.HELD) == set(point_claims.WORDS) and set(CHECKS) <= set(FAMILIES)
+    assert set(CHECKS) == set(point_margins.HELD) == set(point_claims.WORDS) and (
+        set(CHECKS) <= {*FAMILIES, *INNER})
     design = read_checked(POINTS[0])
     strange = design.certificate["float32"] | {"set": "pyramid"}
     with pytest.raises(CertificateError, match="no condition is known for the set 'pyramid'"):
