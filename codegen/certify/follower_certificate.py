@@ -44,16 +44,15 @@ def check(plant, t, cert: dict) -> list[str]:
                                "Design again.")
     set_claims.check(plant.observed.modes, t.told, cert["told"])
     first, *others = mode_certificate.check(plant, t, cert)
-    table = f"; its set is {starts.words(t.told.shape)}" if t.by_table else ""
+    table = [f"its set is {starts.words(t.told.shape)}"] if t.by_table else []
     return [first,
             "the observer runs in the mode that is decided for, and its error is in its set for as long as that is the "
             "true one: it starts from the bounds over all hypotheses of that mode, and starts again where one of them "
-            "began within the last period; what rounded constants, inputs and sums may lose is in the set"
-            + table,
+            "began within the last period; what rounded constants, inputs and sums may lose is in the set",
             "a mode whose observer has its residual outside the set is ruled out, but for having begun within the last "
             "period; no switching makes the bounds grow without end: they are cut to the boxes of the mode estimator "
             "at every sample",
-            *others]
+            *table, *others]
 
 
 def check_start(t) -> None:
