@@ -5,18 +5,19 @@ from __future__ import annotations
 from copy import deepcopy
 from dataclasses import replace
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from codegen.certify.polytope_detection import check
 from codegen.errors import CertificateError, DesignError
-from codegen.selection.descriptors import problem_and_scaling
+from codegen.selection.descriptors import euler_limit, problem_and_scaling
 from codegen.selection.detectors import design_detector, faults_of
 from codegen.synthesis import hminus_hinf
 from codegen.synthesis.descriptor_gains import StandardGains
 from codegen.synthesis.descriptor_lmi import Bounds
-from codegen.synthesis.descriptor_problem import DescriptorProblem, kernel_of
+from codegen.synthesis.descriptor_problem import DescriptorProblem, Scaling, kernel_of
 from codegen.synthesis.hminus_hinf import Faults
 from tests.helpers.descriptors import example, plant
 from tests.helpers.pencils import CHAPTER_4
@@ -75,6 +76,15 @@ def test_the_printed_gains_do_not_hold_what_is_printed():
             for j in range(3)]
     assert least == pytest.approx([0.470, 0.459, 0.458], abs=1e-3)
     assert most == pytest.approx([0.308, 0.126, 0.133], abs=1e-3)
+
+
+def test_the_printed_gains_by_euler_steps():
+    """They diverge beyond .112 s (dossier 9b): modes down to -17.8 1/s."""
+    problem, _ = chapter_4()
+    T = np.linalg.pinv(np.vstack([problem.E, problem.C]))
+    ones = Scaling(np.ones(3), np.ones(2), np.ones(3), 1.0)
+    limit = euler_limit(problem, SimpleNamespace(T1=T[:, :3], K=np.linalg.solve(P1, Q)), ones)
+    assert limit == pytest.approx(0.112, abs=5e-4)
 
 
 def test_levels_of_the_dossier():
