@@ -75,7 +75,7 @@ def seen_apart(plant, t, cert: dict, checks: tuple) -> tuple:
     """
     held = cert["thresholds"]
     known = not t.faults and np.ndim(cert.get("energy", cert).get("T1")) == 2 and not (
-        "waits" in held or {"band", "calibration"} & set(cert)) and read_apart(plant, "near" in held)
+        "waits" in held or "calibration" in cert) and read_apart(plant, "near" in held)
     return checks if known else tuple(name for name in checks if name != "independent")
 
 
@@ -133,8 +133,8 @@ def _energy(plant, t, cert: dict, claim, own: tuple):
             "codegen.certify.finite_frequency.check",
             [tightest("smallest pivot at a vertex", [(min(pivots(S)), where) for where, S in matrices], strict=True),
              Margin("proved level beyond the square of the claimed one",
-                    Q(cert["band"]["level2"]) - Q(cert["band"]["beta"]) ** 2)], (*GAINS, "M"), own,
-            of_plant=(*PLANT, *FAULTS))
+                    Q(cert["band"]["level2"]) - Q(cert["band"]["beta"]) ** 2)], (*GAINS, "M"),
+            tuple(name for name in own if name != "independent"), of_plant=(*PLANT, *FAULTS))
     if cert["limit"] is not None:
         yield "Euler steps of", claim(
             "steps", "The sampling period is below the one at which Euler steps of a frozen observer diverge (double "

@@ -8,6 +8,7 @@ plant's Euler steps; its energy level is one for the plant by these steps, its t
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,6 +38,8 @@ Array = np.ndarray
 GAIN, SHARE = 10.0, 0.5
 #: Decay per sample where the plant itself has none.
 LEAST_DECAY = 1e-3
+#: End of the band of slow faults, as a share of the decay.
+SLOW = 0.01
 
 
 @dataclass(frozen=True)
@@ -221,14 +224,50 @@ def certified(plant: Plant, proposal: Proposal, options: dict, real: str) -> tup
         held = {"waits": t.last << t.shift}
     cert = {"kind": "polytopic", "level": gamma, "claimed": proposal.found.gamma, "energy": proof,
             "limit": proposal.limit, "thresholds": held, "steady_box": None}
-    if proposal.method == "hminus-hinf" and options.get("criterion") == "band":
-        cert["band"] = certified_band(proposal.problem, faults_of(plant), gains, M, start, float(options["band"]),
-                                      proposal.s)
+    if proposal.method == "hminus-hinf":
+        cert |= sensitivity(plant, proposal, options, gains, M, start)
     if calibrated:
         t, cert["calibration"] = polytopic_calibration.calibrated(plant, t, held, options)
         if "waits" in held:
             polytope_waiting.check(plant, proposal.problem, t, proof)
     return t, cert
+
+
+def sensitivity(plant: Plant, proposal: Proposal, options: dict, gains: StandardGains, M: Array, about: dict) -> dict:
+    """Certify how much of a fault the recursion shows, over the frequencies that the criterion is about.
+
+    Steps know no more than 2 / period: |e+ - e| <= 2 max |e|. What stands still by the criterion "slow" may move by a
+    hundredth of the decay.
+
+    Parameters
+    ----------
+    plant : Plant
+    proposal : Proposal
+    options : dict
+    gains : StandardGains
+    M : ndarray (n_y, n_y)
+    about : dict
+        "T1", "period".
+
+    Returns
+    -------
+    dict
+        "band": proof of ``finite_frequency``; nothing where a criterion other than "band" has none, or a fault moves
+        the state.
+
+    Raises
+    ------
+    CertificateError
+        A band was asked for, and none is proved.
+    """
+    criterion, faults, problem = options.get("criterion", "all"), faults_of(plant), proposal.problem
+    if criterion == "band":
+        return {"band": certified_band(problem, faults, gains, M, about, float(options["band"]), proposal.s)}
+    decay = float(options.get("decay", decay_of(problem, proposal.period)))
+    band = SLOW * decay if criterion == "slow" else 2 / proposal.period
+    with suppress(CertificateError):
+        return {"band": certified_band(problem, faults, gains, M, about, band, proposal.s)}
+    return {}
 
 
 def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:

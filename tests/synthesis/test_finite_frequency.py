@@ -17,7 +17,7 @@ from codegen.observers import PolytopicObserver, Supervision
 from codegen.plant.load import load, loads
 from codegen.report.frequency_words import words_of
 from codegen.selection.detectors import certified_band, faults_of
-from codegen.selection.polytopic_designs import certified, check, constants, propose
+from codegen.selection.polytopic_designs import certified, check, constants, decay_of, propose, sensitivity
 from codegen.selection.polytopic_tables import tables_of
 from codegen.synthesis.descriptor_gains import StandardGains, rounded
 
@@ -115,6 +115,23 @@ def test_a_method_option_from_plant_file_to_certificate():
     actuator = replace(tank, polytope=replace(tank.polytope, vertices=moved))
     with pytest.raises(DesignError, match="moves the state"):
         propose(actuator, "hminus-hinf", options)
+
+
+@pytest.mark.parametrize("criterion", ["all", "slow"])
+def test_other_criteria_are_certified_on_the_recursion_too(criterion):
+    """Of all frequencies that steps know, or of those that are a hundredth of the decay: below the sweep, and near."""
+    tank, options = loads(CONTINUOUS), {"criterion": criterion}
+    proposal = propose(tank, "hminus-hinf", options)
+    gains, M, T1 = constants(proposal, "float32")
+    proof = sensitivity(tank, proposal, options, gains, M, {"T1": T1.tolist(), "period": 0.02})["band"]
+    assert proof["band"] == (2 / 0.02 if criterion == "all" else pytest.approx(0.01 * decay_of(proposal.problem, 0.02)))
+    seen = responses(tank, tables_of(tank, gains, M, "float32"))
+    least = seen.fault[:, 2 * np.pi * seen.frequency <= proof["band"]].min() if criterion == "all" else (
+        seen.fault[:, 0].min())
+    assert 0.9 * least < proof["beta"] <= least * (1 + 1e-6)
+    pushed = replace(tank, polytope=replace(tank.polytope, vertices=tuple(
+        replace(v, Bf=np.ones_like(v.Bf)) for v in tank.polytope.vertices)))
+    assert sensitivity(pushed, proposal, options, gains, M, {"T1": T1.tolist(), "period": 0.02}) == {}
 
 
 def test_the_report_marks_the_band():
