@@ -29,10 +29,9 @@ from .box import BoxObserver
 from .ellipsoid import EllipsoidObserver
 from .ellipsoid_trace import EllipsoidTraceObserver
 from .mode_observer import ModeObserver, ModeTrace, expected, merged
-from .mode_set import ModeSet, ModeState, image, pack_modes
+from .mode_set import ModeSet, ModeState, image
 from .mode_tables import ModeTables
 from .point import PointObserver, PointTables, blind, centred, forward, residual
-from .runner import pack
 from .starts import StartObserver
 from .supervisor import Supervision, judge, undisturbed
 from .zonotope import ZonotopeObserver
@@ -183,15 +182,7 @@ class FollowerObserver(ModeObserver):
         out.x_lo[on] = np.where(lives[..., None], lo, np.inf).min(axis=1)[on]
         out.x_hi[on] = np.where(lives[..., None], hi, -np.inf).max(axis=1)[on]
         out.r_lo[judged], out.r_hi[judged] = r_lo[judged], r_hi[judged]
-        oldest = t.ages - np.argmax(now.alive.any(axis=1)[:, ::-1], axis=1)
-        for field, values in ((out.mode, mode), (out.age, oldest), (out.mode_set, pack_modes(now.alive)),
-                              (out.settled_set, pack_modes(now.alive[..., 1:]))):
-            field[on] = values[on]
-        out.raw_bits[judged] = raw[judged]
-        out.alarm_bits[judged] = pack(alarm)[judged]
-        out.latched_bits[on] = pack(self.guard.latched)[on]
-        out.alarm[judged] = alarm[judged].any(axis=1)
-        out.assured[on] = np.where(measured, assured, free)[on]
+        self._answer(out, on, measured, now, mode, raw, alarm, np.where(measured, assured, free))
 
     def pursued(self, t: FollowerTables, now: ModeState, measured: Array, u: Array, y: Array):
         """Move the observer in its mode, drop or cut what it excludes: steps 1 and 2.

@@ -107,15 +107,19 @@ class ModeObserver(Runner):
         judged = on & measured
         out.x_lo[on], out.x_hi[on] = x_lo[on], x_hi[on]
         out.r_lo[judged], out.r_hi[judged] = r_lo[judged], r_hi[judged]
-        oldest = t.ages - np.argmax(now.alive.any(axis=1)[:, ::-1], axis=1)
+        self._answer(out, on, measured, now, mode, raw, alarm, np.where(measured, assured, free))
+
+    def _answer(self, out: ModeTrace, on: Array, measured: Array, now: ModeState, mode: Array, raw: Array, alarm: Array,
+                assured: Array) -> None:
+        """What is said of hypotheses and alarms at this sample, whatever runs beside them."""
+        judged = on & measured
+        oldest = now.alive.shape[-1] - 1 - np.argmax(now.alive.any(axis=1)[:, ::-1], axis=1)
         for field, values in ((out.mode, mode), (out.age, oldest), (out.mode_set, pack_modes(now.alive)),
-                              (out.settled_set, pack_modes(now.alive[..., 1:]))):
+                              (out.settled_set, pack_modes(now.alive[..., 1:])), (out.assured, assured),
+                              (out.latched_bits, pack(self.guard.latched))):
             field[on] = values[on]
-        out.raw_bits[judged] = raw[judged]
-        out.alarm_bits[judged] = pack(alarm)[judged]
-        out.latched_bits[on] = pack(self.guard.latched)[on]
+        out.raw_bits[judged], out.alarm_bits[judged] = raw[judged], pack(alarm)[judged]
         out.alarm[judged] = alarm[judged].any(axis=1)
-        out.assured[on] = np.where(measured, assured, free)[on]
 
     def reset(self, t: ModeTables, on: Array) -> None:
         """Restart the runs in ``on`` from the declared ranges, alarms cleared (``<p>_reset``)."""
