@@ -16,8 +16,8 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parent))
 from independent import UNIT, demand, exact, mul, size, sub  # noqa: E402 - stands beside this file
 from independent_energy import surely_positive  # noqa: E402
+from independent_sector import unknown  # noqa: E402
 from independent_table import inverse  # noqa: E402
-from independent_vertices import foreign  # noqa: E402
 
 SHARE = F(1, 20)
 
@@ -83,7 +83,7 @@ class Member:
         self.n, self.c = len(self.z0), F(self.proof["level"]["contraction"])
         self.u, self.y = largest(plant["u"]), largest([plant["y"][i] for i in self.seen])
         n, E = self.n, plant["E"]
-        foreign(any(x not in (0, int(i == j)) for i, row in enumerate(E) for j, x in enumerate(row)))
+        unknown(any(x not in (0, int(i == j)) for i, row in enumerate(E) for j, x in enumerate(row)))
         self.Z = [i for i in range(n) if not E[i][i]]
         cols = turned([[row[i] for i in self.Z] for row in self.Cp])  # C K, K the columns of I in the kernel of E
         lack = sub([[F(i == j) for j in self.Z] for i in range(n)], mul(self.T2, turned(cols))) if self.Z else []

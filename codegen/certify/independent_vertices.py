@@ -6,7 +6,6 @@ is left beside it is a premise between its bounds over the ranges, and the verti
 mixture of them exactly. Where the file names premises or factors, or has other functions, nothing is said (status 2).
 """
 
-import ast
 import sys
 import tomllib
 from fractions import Fraction as F  # noqa: N817 - on every line
@@ -15,50 +14,7 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
 from independent import number  # noqa: E402 - stands beside this file
-
-
-def foreign(condition):
-    """Say nothing of a plant that this checker does not know."""
-    if condition:
-        sys.exit(2)
-
-
-def monomials(text, names, constants):
-    """A polynomial: powers of the variables -> coefficient."""
-    def one(value):
-        return {(0,) * len(names): value}
-
-    def merged(a, b, sign=1):
-        return {k: a.get(k, F(0)) + sign * b.get(k, F(0)) for k in {**a, **b}}
-
-    def walk(node):
-        if isinstance(node, ast.Constant):
-            return one(F(str(node.value)))
-        if isinstance(node, ast.Name) and node.id in constants:
-            return one(constants[node.id])
-        if isinstance(node, ast.Name) and node.id in names:
-            return {tuple(int(n == node.id) for n in names): F(1)}
-        if isinstance(node, ast.UnaryOp):
-            return merged({}, walk(node.operand), -1 if isinstance(node.op, ast.USub) else 1)
-        foreign(not isinstance(node, ast.BinOp))
-        a, b = walk(node.left), walk(node.right)
-        if isinstance(node.op, ast.Add | ast.Sub):
-            return merged(a, b, 1 if isinstance(node.op, ast.Add) else -1)
-        if isinstance(node.op, ast.Mult):
-            out = {}
-            for (i, x), (j, y) in product(a.items(), b.items()):
-                key = tuple(m + n for m, n in zip(i, j))
-                out[key] = out.get(key, F(0)) + x * y
-            return out
-        foreign(len(b) != 1 or any(map(any, b)))
-        (value,) = b.values()
-        if isinstance(node.op, ast.Div):
-            return {k: c / value for k, c in a.items()}
-        foreign(not isinstance(node.op, ast.Pow) or value.denominator != 1 or value < 1 or len(a) != 1)
-        ((key, c),) = a.items()
-        return {tuple(k * int(value) for k in key): c ** int(value)}
-
-    return {k: c for k, c in walk(ast.parse(text, mode="eval").body).items() if c}
+from independent_sector import polynomial, unknown  # noqa: E402
 
 
 def read_plant(text):
@@ -66,7 +22,7 @@ def read_plant(text):
     p = tomllib.loads(text)
     signals = {k: p["signals"].get(k, []) for k in ("x", "u", "y", "w", "v", "f", "theta")}
     common, given, own = p.get("common", {}), p.get("vertex", []), p.get("nonlinear", {})
-    foreign(signals["theta"] or "D" in common or p["time"]["kind"] != "continuous" or any(
+    unknown(signals["theta"] or "D" in common or p["time"]["kind"] != "continuous" or any(
         k in own for k in ("premise", "A", "B", "known", "point")) or any(k in v for v in given for k in (
             "E", "C", "Bw", "offset", "Bf")))
     plain = {k: F(float(v)) for k, v in p.get("constants", {}).items()}
@@ -79,7 +35,7 @@ def read_plant(text):
 
     plant = {k: matrix(common.get(k), len(signals[r]), len(signals[c])) for k, r, c in (
         ("C", "y", "x"), ("Bw", "x", "w"), ("Dv", "y", "v"), ("Df", "y", "f"))}
-    foreign("Bf" in common)
+    unknown("Bf" in common)
     plant["E"] = matrix(own.get("E", common.get("E")), n, n)
     plant |= {k: [tuple(F(float(b)) for b in s.get("range", s.get("bounds", (0, 0)))) for s in signals[k]]
               for k in "xuywvf"}
@@ -89,7 +45,7 @@ def read_plant(text):
         plant["vertices"] = [(matrix(v["A"], n, n), matrix(v["B"], n, m)) for v in given]
     else:
         names = [s["name"] for k in "xu" for s in signals[k]]
-        plant["vertices"] = corners([monomials(f, names, decimal) for f in own["f"]], n, plant["x"] + plant["u"])
+        plant["vertices"] = corners([polynomial(f, names, decimal) for f in own["f"]], n, plant["x"] + plant["u"])
     return plant
 
 
@@ -100,13 +56,13 @@ def corners(f, n, box):
         parts = []
         for key, c in row.items():
             column = next((k for k, e in enumerate(key) if e), None)
-            foreign(column is None)
+            unknown(column is None)
             left = [e - (k == column) for k, e in enumerate(key)]
             parts.append((column, c, [(k, e) for k, e in enumerate(left) if e]))
             premises += [(k, e) for k, e in enumerate(left) if e]
         rows.append(parts)
     premises = sorted(set(premises))
-    foreign(len(premises) > 1)  # of several the order would have to be that of the file's tool
+    unknown(len(premises) > 1)  # of several the order would have to be that of the file's tool
     ends = []
     for k, e in premises:
         values = [b ** e for b in box[k]] + [F(0)] * (e % 2 == 0 and box[k][0] < 0 < box[k][1])
