@@ -21,7 +21,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..errors import PlantError
+from ..errors import CertificateError, PlantError
 from ..plant.model import Plant, PlantTrace, Scenario
 from ..plant.simulate import simulate_all
 from .validate import side_by_side
@@ -321,6 +321,37 @@ def fault_free_runs(plant: Plant, population: Population, runs: int, seed: int =
                         v=population.v, theta=population.theta, fault=())
         out.append((asked, int(rng.integers(2**63))))
     return simulate_all(plant, out)
+
+
+def stated_runs(plant: Plant, c: dict, blocks: int) -> tuple:
+    """Make the runs of a calibration again, once what it says of them is found to be true.
+
+    Parameters
+    ----------
+    plant : Plant
+    c : dict
+        "calibration" of a certificate.
+    blocks : int
+        Values that the confidence is about.
+
+    Returns
+    -------
+    u, y, q, theta
+        See ``side_by_side``.
+
+    Raises
+    ------
+    CertificateError
+        The confidence is more than the runs allow, or they were drawn otherwise.
+    """
+    level = confidence(c["runs"], c["probability"], blocks)
+    if c["confidence"] > level:
+        raise CertificateError(f"certificate: {c['runs']} runs give a confidence of {level:.6g}, not "
+                               f"{c['confidence']:.6g}.")
+    population = Population(steps=c["steps"])
+    if list(population.words(plant)) != c["conditions"]:
+        raise CertificateError("certificate: the conditions of the calibration are not those of its runs.")
+    return side_by_side(fault_free_runs(plant, population, c["runs"], c["seed"]))
 
 
 def campaign(design, statistic: Callable[[object, Array], Array], probability: float, wanted: float,

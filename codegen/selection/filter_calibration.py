@@ -11,8 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..analysis.calibration import Calibration, Population, campaign, confidence, fault_free_runs
-from ..analysis.validate import side_by_side
+from ..analysis.calibration import Calibration, Population, campaign, stated_runs
 from ..errors import CertificateError, DesignError
 from ..observers import FilterObserver, FilterTables, Supervision
 from ..plant.model import Plant
@@ -137,14 +136,7 @@ def check(plant: Plant, t: FilterTables, cert: dict) -> list[str]:
     """
     c, whole = cert["calibration"], guaranteed(t, cert)
     blocks = c["rank"] * int(np.prod(t.h.shape[1:]))
-    level = confidence(c["runs"], c["probability"], blocks)
-    if c["confidence"] > level:
-        raise CertificateError(f"certificate: {c['runs']} runs give a confidence of {level:.6g}, not "
-                               f"{c['confidence']:.6g}.")
-    population = Population(steps=c["steps"])
-    if list(population.words(plant)) != c["conditions"]:
-        raise CertificateError("certificate: the conditions of the calibration are not those of its runs.")
-    u, y, q, theta = side_by_side(fault_free_runs(plant, population, c["runs"], c["seed"]))
+    u, y, q, theta = stated_runs(plant, c, blocks)
     trace = Designed(plant, whole, cert).observer.run_many(u, y, q, t.real, theta=theta)
     beyond = np.sum(settled(whole)(trace, q) > t.h[-1].astype(float) * (1 + ROUNDING), axis=0)
     if np.any(beyond >= c["rank"]):

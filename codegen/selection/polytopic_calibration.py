@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..analysis.calibration import Population, campaign, confidence, fault_free_runs
+from ..analysis.calibration import Population, campaign, fault_free_runs, stated_runs
 from ..analysis.validate import side_by_side
 from ..certify import polytope_waiting
 from ..certify.filter_bounds import raised
@@ -151,14 +151,7 @@ def check(plant: Plant, t: PolytopicTables, c: dict) -> list[str]:
     CertificateError
         A threshold is not what the runs give, or the confidence is more than they allow.
     """
-    level = confidence(c["runs"], c["probability"], c["rank"] * t.h.shape[1])
-    if c["confidence"] > level:
-        raise CertificateError(f"certificate: {c['runs']} runs give a confidence of {level:.6g}, not "
-                               f"{c['confidence']:.6g}.")
-    population = Population(steps=c["steps"])
-    if list(population.words(plant)) != c["conditions"]:
-        raise CertificateError("certificate: the conditions of the calibration are not those of its runs.")
-    u, y, q, theta = side_by_side(fault_free_runs(plant, population, c["runs"], c["seed"]))
+    u, y, q, theta = stated_runs(plant, c, c["rank"] * t.h.shape[1])
     trace = Designed(plant, whole(t, c)).observer.run_many(u, y, q, t.real, theta=theta)
     beyond = np.sum(settled(trace, q) > t.h[-1].astype(float) * (1 + ROUNDING), axis=0)
     if np.any(beyond >= c["rank"]):
