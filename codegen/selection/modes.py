@@ -109,9 +109,7 @@ def driven(plant: Plant, name: str, told: dict, proofs: dict, choice: list, opti
     DesignError, CertificateError
         As ``designed``; framers in other coordinates.
     """
-    if any(t.change is not None for t in told.values()):
-        raise DesignError(f'{plant.name}: coordinates = "change" is not to be had where the mode is not known, whose '
-                          'framers are joined in x; expected "none".')
+    require_x(plant, told, "joined")
     tables, certs = both(plant, options, lambda text: progress(f"{name}: {text}"))
     shared = [real for real in tables if real in told]
     return assembled(plant, name, "driven", {r: joined(DrivenTables, tables[r], told[r]) for r in shared},
@@ -135,9 +133,17 @@ def followed(plant: Plant, name: str, told: dict, proofs: dict, choice: list, op
                      {r: certs[r] | {"told": proofs[r]} for r in shared}, choice, options)
 
 
-def assembled(plant: Plant, name: str, family: str, tables: dict, certs: dict, choice: list, options: dict) -> Design:
+def require_x(plant: Plant, told: dict, how: str) -> None:
+    """Refuse framers in other coordinates; ``how`` says what is done to them in x."""
+    if any(t.change is not None for t in told.values()):
+        raise DesignError(f'{plant.name}: coordinates = "change" is not to be had where the mode is not known, whose '
+                          f'framers are {how} in x; expected "none".')
+
+
+def assembled(plant: Plant, name: str, family: str, tables: dict, certs: dict, choice: list, options: dict,
+              assures: bool = True) -> Design:
     """A design of tables and certificates; no fault is promised to be found."""
-    supervision = Supervision.of(plant.target)
+    supervision = Supervision.of(plant.target, assures=assures)
     tables, certs = ({real: by[real] for real in ("float32", "float64") if real in by} for by in (tables, certs))
     choice = [row | {"surely_detected": [None] * plant.n_f} for row in choice]
     faults = [{"channel": f.name, "unit": f.unit, "by_delay": [None]} for f in plant.f]

@@ -6,13 +6,14 @@ from collections.abc import Callable
 
 from ..analysis.sliding_measure import measured, paced
 from ..certify import sliding_claims
-from ..designs import Design, claims_of
+from ..designs import Design
 from ..errors import CertificateError, DesignError
 from ..observers import GuidedObserver, GuidedTables, SlidingObserver, SlidingTables, Supervision
 from ..plant.model import Plant
 from ..synthesis.guided_tables import guided as joined
 from ..synthesis.mode_sliding import TARGET, settings, theorem12
 from ..synthesis.sliding_tables import tables_of
+from .modes import assembled, require_x
 
 REALS = ("float32", "float64")
 
@@ -43,7 +44,7 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
     tables, certs, label = both(plant, options, lambda text: progress(f"{name}: {text}"))
     choice = [{"method": name, "design": label, "level": None, "relative_width": None, "surely_detected": [],
                "chosen": True}]
-    return assembled(plant, name, SlidingObserver, tables, certs, choice, options)
+    return assembled(plant, name, SlidingObserver.family, tables, certs, choice, options, assures=False)
 
 
 def guided(plant: Plant, name: str, told: dict, proofs: dict, choice: list, options: dict,
@@ -71,9 +72,7 @@ def guided(plant: Plant, name: str, told: dict, proofs: dict, choice: list, opti
     DesignError, CertificateError
         As ``designed``; framers in other coordinates.
     """
-    if any(t.change is not None for t in told.values()):
-        raise DesignError(f'{plant.name}: coordinates = "change" is not to be had where the mode is not known, whose '
-                          'framers are cut in x; expected "none".')
+    require_x(plant, told, "cut")
     tables, certs, _ = both(plant, options, lambda text: progress(f"{name}: {text}"))
     shared = [real for real in tables if real in told]
     tables = {r: joined(GuidedTables, tables[r], told[r]) for r in shared}
@@ -81,7 +80,7 @@ def guided(plant: Plant, name: str, told: dict, proofs: dict, choice: list, opti
     real = plant.target.real
     cells = paced(plant, GuidedObserver({real: tables[real]}, supervision_of(plant)), real)
     certs = {r: certs[r] | {"told": proofs[r], "paced": cells} for r in shared}
-    return assembled(plant, name, GuidedObserver, tables, certs, choice, options)
+    return assembled(plant, name, GuidedObserver.family, tables, certs, choice, options, assures=False)
 
 
 def supervision_of(plant: Plant) -> Supervision:
@@ -114,12 +113,3 @@ def both(plant: Plant, options: dict, progress: Callable[[str], None]) -> tuple[
         SlidingTables, p, found, settings(p, options | {"slope": chosen["slope"]}), plant.target.real))
     return (tables, {real: cert | {"measured": cells} for real, cert in certs.items()},
             f"gains within {chosen['limit']:g} 1/s")
-
-
-def assembled(plant: Plant, name: str, family: type, tables: dict, certs: dict, choice: list, options: dict) -> Design:
-    """A design of tables and certificates; no fault is promised to be found."""
-    choice = [row | {"surely_detected": [None] * plant.n_f} for row in choice]
-    faults = [{"channel": f.name, "unit": f.unit, "by_delay": [None]} for f in plant.f]  # none is promised to be found
-    return Design(plant, name, family(tables, supervision_of(plant)), certs,
-                  {real: claims_of(plant, tables[real], certs[real]) for real in tables},
-                  {real: faults for real in tables}, choice, options)
