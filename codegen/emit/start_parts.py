@@ -10,7 +10,7 @@ from .cprint import initialiser
 from .families import Member, Word
 from .maps import Names, Table
 from .parts import Size
-from .threshold_parts import limit_of, others_of
+from .threshold_parts import limit_of, others_of, staged
 
 Array = np.ndarray
 
@@ -34,18 +34,10 @@ class StartView:
 def view(t, names: Names) -> StartView:
     """Print the tables."""
     z, m = t.shape, names.macro
-    parts, modes, rows, count = z.h.shape
+    parts, _, rows, count = z.h.shape
 
     def nested(name: str, values: Array, size: str) -> Table:
-        lines = []
-        for k in range(parts):
-            lines.append("{")
-            for q in range(modes):
-                lines.append(f"    {{ /* {f'size {k}' if k < z.anew else 'anew'}, {names.modes[q]} */")
-                lines += [f"        {initialiser(row, t.real)}," for row in values[k, q]]
-                lines.append("    },")
-            lines.append("},")
-        return Table(name, f"[{m}_STAGES][{m}_MODES][{m}_ROWS][{m}_{size}]", (), tuple(lines))
+        return staged(name, values, size, names, lambda k: f"size {k}" if k < z.anew else "anew")
 
     return StartView(
         numbers=0,

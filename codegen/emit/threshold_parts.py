@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,21 +41,27 @@ class ThresholdView:
     by_table: tuple[Table, ...]
 
 
+def staged(name: str, values: Array, size: str, names: Names, words: Callable[[int], str]) -> Table:
+    """Print a table by stage, mode and row; ``words`` says what a stage is."""
+    lines = []
+    for s, by_mode in enumerate(values):
+        lines.append("{")
+        for mode, rows in zip(names.modes, by_mode, strict=True):
+            lines.append(f"    {{ /* {words(s)}, {mode} */")
+            lines += [f"        {initialiser(row, names.real)}," for row in rows]
+            lines.append("    },")
+        lines.append("},")
+    m = names.macro
+    return Table(name, f"[{m}_STAGES][{m}_MODES][{m}_ROWS][{m}_{size}]", (), tuple(lines))
+
+
 def view(t, names: Names) -> ThresholdView:
     """Print the tables."""
     z, m = t.shape, names.macro
     stages, modes, rows, count = z.h.shape
 
     def nested(name: str, values: Array, size: str) -> Table:
-        lines = []
-        for s in range(stages):
-            lines.append("{")
-            for q in range(modes):
-                lines.append(f"    {{ /* {stage_words(s, z.anew)}, {names.modes[q]} */")
-                lines += [f"        {initialiser(row, t.real)}," for row in values[s, q]]
-                lines.append("    },")
-            lines.append("},")
-        return Table(name, f"[{m}_STAGES][{m}_MODES][{m}_ROWS][{m}_{size}]", (), tuple(lines))
+        return staged(name, values, size, names, lambda s: stage_words(s, z.anew))
 
     return ThresholdView(
         numbers=0,
