@@ -23,7 +23,8 @@ import numpy as np
 from flint import fmpq
 
 from ..errors import DesignError
-from .framers import POLYTOPIC, basic_reason
+from . import mode_set
+from .framers import POLYTOPIC, basic_reason, untold_reason
 from .hinf_problem import Block, FilterProblem, in_coordinates, problem_of, unmeasured
 from .hinf_weights import Weight, weight, weighted
 
@@ -32,14 +33,14 @@ Array = np.ndarray
 OPTIONS = {"synthesis": ("slack", "projection"), "target": dict, "colour": dict, "order_loss": (0.0, 1.0),
            "post_scaling": ("none", "steady"), "inputs": ("copy", "filtered"), "set_rows": (4, 400), "within": (0, 50),
            "threshold": ("guaranteed", "calibrated"), "false_alarm": (0.0, 1.0), "confidence": (0.0, 1.0),
-           "campaign_steps": (10, 100000), "rank": (1, 100)}
+           "campaign_steps": (10, 100000), "rank": (1, 100), "modes": ("set",), **mode_set.OPTIONS}
 
 
 def inapplicable(plant) -> str | None:
     """Why a plant cannot have this filter, with what to change; None if it can."""
     if plant.polytope is not None:
         return POLYTOPIC
-    if (reason := basic_reason(plant)) is not None:
+    if (reason := untold_reason(plant) or basic_reason(plant, False)) is not None:
         return reason
     if not plant.f:
         return "no fault is declared, expected one to estimate. Declare it in signals.f."
