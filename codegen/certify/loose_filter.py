@@ -24,6 +24,8 @@ from .rounding import TINY, UNIT
 Array = np.ndarray
 #: A mode that stays.
 STAYS = Graph((None,), ((0, 0, 0),))
+#: Samples within which bounds are down to the last ones.
+MOST = 4000
 OF_A_MODE = ("M", "G", "L", "K", "Du", "Dy", "E")
 
 
@@ -60,15 +62,15 @@ def begins(t, q: int, rows: Array) -> list[Array]:
     return [b[None] for b in (*out, supports(rows, anywhere(t, c)))]
 
 
-def tabled(t, q: int, found: Maps, b: Array, rows: Array, most: int) -> list[list[Array]]:
-    """Bounds of the estimate in mode q from each start on, until the last bounds hold; each list may have another length.
+def tabled(t, q: int, found: Maps, b: Array, rows: Array) -> list[list[Array]]:
+    """Bounds of the estimate in mode q from each start on, until the last bounds hold; lists of different lengths.
 
     Raises
     ------
     CertificateError
-        They do not come down within ``most`` samples.
+        They do not come down within ``MOST`` samples.
     """
-    return [[row[0] for row in table(found, STAYS, b, first, most)] for first in begins(t, q, rows)]
+    return [[row[0] for row in table(found, STAYS, b, first, MOST)] for first in begins(t, q, rows)]
 
 
 def demands(modes, t, certs: list[dict]) -> Iterator[Demand]:
@@ -98,10 +100,12 @@ def demands(modes, t, certs: list[dict]) -> Iterator[Demand]:
         yield Demand("kept", f"a sample later in mode {q}", found.after(STAYS, b), b, lambda at, needed, q=q: (
             f"the set of plant and filter in mode {q} is not kept: row {at[1]} needs {needed[at]:.6g}."))
         final = found.estimate(STAYS, b)[0]
-        for k, proved in enumerate(tabled(t, q, found, b, rows, t.last)):
-            for since in range(t.last + 1):
-                yield threshold(proved[since] if since < len(proved) else final, t.h[k, since >> t.shift, q],
+        for k, proved in enumerate(tabled(t, q, found, b, rows)):
+            for since, needed in enumerate(proved):
+                yield threshold(needed, t.h[k, min(since, t.last) >> t.shift, q],
                                 f"{since} samples after a start of size {k} in mode {q}")
+            for row in range(len(proved) >> t.shift, t.h.shape[1]):
+                yield threshold(final, t.h[k, row, q], f"in row {row} after a start of size {k} in mode {q}")
         yield Demand("limit", f"without a fault in mode {q}", b[0, n_x:n_x + n_s], limit, lambda at, needed, q=q: (
             f"xi[{at[0]}] of mode {q} reaches {needed[at]:.4g} without a fault, beyond its limit {limit[at]:.4g}."),
             True)

@@ -44,8 +44,9 @@ __all__ = ["FAMILIES", "BankObserver", "BankTables", "BankTrace", "BlockObserver
            "BoxTables", "Coordinates", "DescriptorObserver", "DescriptorTables", "DrivenObserver", "DrivenTables",
            "EllipsoidObserver", "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables",
            "FilterTrace", "FollowerObserver", "FollowerTables", "FollowerTrace", "FramerTables", "GuidedObserver",
-           "GuidedTables", "IntervalObserver", "LooseFilter", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver",
-           "PointTables", "PointTrace", "PolytopicObserver", "PolytopicTables", "PolytopicTrace", "Runner",
-           "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables", "SlidingTrace", "StartObserver",
-           "StartTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables",
-           "TrailingObserver", "TrailingTables", "TrailingTrace", "Variation", "ZonotopeObserver", "ZonotopeTables"]
+           "GuidedTables", "IntervalObserver", "LooseFilter", "ModeObserver", "ModeTables", "ModeTrace",
+           "PointObserver", "PointTables", "PointTrace", "PolytopicObserver", "PolytopicTables", "PolytopicTrace",
+           "Runner", "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables", "SlidingTrace",
+           "StartObserver", "StartTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver",
+           "Trace", "TraceTables", "TrailingObserver", "TrailingTables", "TrailingTrace", "Variation",
+           "ZonotopeObserver", "ZonotopeTables"]

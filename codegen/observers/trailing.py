@@ -7,11 +7,12 @@ fault where its mode has been active since its start:
 1. hypotheses of mode q that are older than the period say that it was: where the estimate of the filter of mode q is
    beyond its bound they are wrong. (q, 0), which began within the period, is not;
 2. the decision is made from what is left, and the answer is the estimate of the filter of that mode;
-3. the filter of a mode that becomes possible starts from the bounds of x over its hypotheses. One that runs in a mode
-   that may also have begun within the period goes on, with the bound of a start from anywhere;
+3. the filter of a mode that becomes possible, or may have begun within the period, starts from the bounds of x over
+   its hypotheses;
 4. where no hypothesis is left, a fault has acted, or an assumption is broken: an alarm. The mode estimator starts anew,
    the filters go on with the bounds of a start from anywhere, and the decision is the last one that was for a mode of
-   the oldest age: so the estimate goes on while the fault lasts, in the mode before it.
+   the oldest age. From then on, until ``assured`` may return, a filter that runs in a mode that may have begun within
+   the period goes on likewise: so the estimate goes on while the fault lasts, in the mode before it.
 
 Why the truth is kept: where q is the true mode, plant and filter of mode q are in the set behind its bound. They are
 when it starts, from any hypothesis of the mode, and where it goes on from anywhere. A sample later a hypothesis is
@@ -114,7 +115,7 @@ class TrailingObserver(ModeObserver):
     def sample(self, t: TrailingTables, on: Array, measured: Array, u: Array, y: Array, q: Array, theta: Array,
                out: TrailingTrace) -> None:
         """One sample of the runs in ``on``: ``<p>_step`` where ``measured``, else ``<p>_predict``."""
-        run, told = ModeSet(t), t.told
+        run, told, quiet = ModeSet(t), t.told, undisturbed(self.supervision, self.guard)
         seen, before = run.seen(u, y), run.cut(self.state, None)
         r_lo, r_hi = expected(t, before, seen)
         now = merged(measured, run.cut(before, seen), before)
@@ -135,14 +136,14 @@ class TrailingObserver(ModeObserver):
         self.state.mode = np.where(on, mode, now.mode)
         judged, rows = on & measured, np.arange(len(on))
         self.settled = np.where(on & now.alive[rows, mode, -1], mode, self.settled)
-        f_hat, f_bound = self._filtered(t, on, measured, raw, again, now, u, y)
+        f_hat, f_bound = self._filtered(t, on, measured, raw, again, quiet, now, u, y)
         out.x_lo[on], out.x_hi[on] = x_lo[on], x_hi[on]
         out.r_lo[judged], out.r_hi[judged] = r_lo[judged], r_hi[judged]
         out.f_hat[judged], out.f_bound[judged] = f_hat[rows, mode][judged], f_bound[rows, mode][judged]
         self._answer(out, on, measured, now, mode, raw, alarm, np.where(measured, assured, free))
 
-    def _filtered(self, t: TrailingTables, on: Array, measured: Array, raw: Array, again: Array, now, u: Array,
-                  y: Array) -> tuple[Array, Array]:
+    def _filtered(self, t: TrailingTables, on: Array, measured: Array, raw: Array, again: Array, quiet: Array, now,
+                  u: Array, y: Array) -> tuple[Array, Array]:
         """Start filters or let them go on, estimate, and move them to the next sample.
 
         Returns
@@ -150,8 +151,9 @@ class TrailingObserver(ModeObserver):
         f_hat, f_bound : ndarray (S, N, n_f)
         """
         told, lives = t.told, now.alive.any(axis=2)
-        kept = (self.running & now.alive[..., 1:].any(axis=2)) | raw[:, None]
-        wide = kept & (now.alive[..., 0] | raw[:, None])
+        young = now.alive[..., 0]
+        kept = (self.running & now.alive[..., 1:].any(axis=2) & ~(young & quiet[:, None])) | raw[:, None]
+        wide = kept & (young | raw[:, None])
         begun, stage = told.started(*hulls(t, now))
         anew = lives & ~kept
         xi = np.where(anew[..., None], begun, self.xi)

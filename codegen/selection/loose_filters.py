@@ -14,11 +14,13 @@ from ..certify.mode_widths import contracted
 from ..errors import CertificateError, DesignError
 from ..observers import LooseFilter
 from ..plant.model import Plant
-from .filter_tables import ABOVE, LENGTH, MOST, ROWS, Chooser, above, grouped
+from .filter_tables import ABOVE, LENGTH, ROWS, Chooser, above
 
 Array = np.ndarray
 SIZES = 4  # of a start, beside anywhere
 WIDER = 2.0  # smallest size over half of the widest box of a mode that stays
+CLOSE = 1.02  # the last row over what is left for ever, at most
+SETTLED = 20  # samples after which that is looked at
 
 
 class StartChooser(Chooser):
@@ -75,7 +77,7 @@ def sizes_of(mode, x_lo: Array, x_hi: Array, real: str) -> Array:
     lo, hi = (b.astype(float) for b in (x_lo, x_hi))
     whole = (hi - lo) / 2 * (1 + 8 * kind.eps) + 8 * kind.eps * np.maximum(abs(lo), abs(hi)) + 64 * kind.tiny
     first = (mode.wide_hi - mode.wide_lo).astype(float)
-    widths = np.max([contracted(mode, first, q, 1) for q in range(len(mode.Phi))], axis=0)
+    widths = np.max([contracted(mode, first, q, SETTLED) for q in range(len(mode.Phi))], axis=0)
     least = WIDER * (abs(mode.S_inverse).astype(float) @ widths / 2 + mode.x_room)
     share = np.linspace(0, 1, SIZES)[:, None]
     return above(whole * np.minimum(least / whole, 1.0) ** share, real)
@@ -118,26 +120,41 @@ def frozen(plant: Plant, constants: dict[str, Array], mode, real: str, most: int
                         floor=np.array(64 * kind.tiny, real))
     kept = [own_set(plant, joint_mode(m, alone(t, q), 0), E[q], most) for q, m in enumerate(modes)]
     t.limit = limits(t, [b for _, _, b in kept])
-    tables = []
+    bounds = []  # by mode and start: from each sample on the bound there, and the largest from there on
     for q, (cert, found, b) in enumerate(kept):
         try:
-            tables.append(tabled(t, q, found, b, np.array(cert["rows"]), MOST))
-        except CertificateError:
-            raise DesignError(f"{plant.name}: the thresholds take more than {MOST} samples to come down from the "
-                              "declared range of x (found), expected fewer. Narrow that range, or slow the sampling "
-                              "down.") from None
-    shift, longest = 0, max(len(rows) for table in tables for rows in table)
+            starts = tabled(t, q, found, b, np.array(cert["rows"]))
+        except CertificateError as error:
+            raise DesignError(f"{plant.name}: {str(error).removeprefix('certificate: ')} Narrow the declared range of "
+                              "x, or slow the sampling down.") from None
+        final = found.estimate(STAYS, b)
+        bounds.append([np.concatenate([np.reshape(rows, (-1, len(final[0]))), final]) for rows in starts])
+    tails = [[np.maximum.accumulate(rows[::-1])[::-1] for rows in own] for own in bounds]
+    longest, shift = max(int(np.argmax(np.all(rows <= CLOSE * rows[-1], axis=1))) for own in tails for rows in own), 0
     while longest > LENGTH << shift:
         shift += 1
-    count, h = -(-longest >> shift), []
-    for (_, found, b), table in zip(kept, tables):
-        final = found.estimate(STAYS, b)[0]
-        h.append([[*(part := grouped(rows, final, 1 << shift)), *[final] * (count + 1 - len(part))] for rows in table])
+    h = [[table(rows, tail, -(-longest >> shift), shift) for rows, tail in zip(*own)] for own in zip(bounds, tails)]
     out = LooseFilter(**vars(t), h=above(np.moveaxis(np.array(h), 0, 2), real), shift=shift)
     certs = [cert | {"bounds": b[0].tolist()} for cert, _, b in kept]
     for demand in loose_filter.demands(modes, out, certs):
         demand.require()
     return out, certs
+
+
+def table(rows: Array, tail: Array, count: int, shift: int) -> Array:
+    """Rows of a start, each for 2^shift samples, and one for ever: (count + 1, n_f).
+
+    Parameters
+    ----------
+    rows : ndarray (K, n_f)
+        Bounds by samples since the start, the last for ever.
+    tail : ndarray (K, n_f)
+        The largest from each of them on.
+    count, shift : int
+    """
+    part = [rows[min(k << shift, len(rows) - 1):(k + 1) << shift].max(axis=0) if k << shift < len(rows) else rows[-1]
+            for k in range(count)]
+    return np.array([*part, tail[min(count << shift, len(tail) - 1)]])
 
 
 def own_set(plant: Plant, model, E: Array, most: int | None) -> tuple:

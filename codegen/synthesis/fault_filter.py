@@ -24,7 +24,7 @@ from flint import fmpq
 
 from ..errors import DesignError
 from . import mode_set
-from .framers import POLYTOPIC, basic_reason, untold_reason
+from .framers import POLYTOPIC, basic_reason
 from .hinf_problem import Block, FilterProblem, in_coordinates, problem_of, unmeasured
 from .hinf_weights import Weight, weight, weighted
 
@@ -40,7 +40,9 @@ def inapplicable(plant) -> str | None:
     """Why a plant cannot have this filter, with what to change; None if it can."""
     if plant.polytope is not None:
         return POLYTOPIC
-    if (reason := untold_reason(plant) or basic_reason(plant, False)) is not None:
+    if not plant.switching.known and (reason := mode_set.inapplicable(plant)) is not None:
+        return f"the mode is not known at run time, and it cannot be found there: {reason}"
+    if (reason := basic_reason(plant, False)) is not None:
         return reason
     if not plant.f:
         return "no fault is declared, expected one to estimate. Declare it in signals.f."
