@@ -1,4 +1,4 @@
-"""Filters beside a mode estimator in a view: the estimator's part, and the filters of all modes as inner C."""
+"""Filters beside a mode estimator in a view: the estimator's part, and the maps of the filters for a given mode."""
 
 from __future__ import annotations
 
@@ -6,24 +6,21 @@ from dataclasses import dataclass, replace
 
 from . import filter_parts, mode_parts
 from .cprint import initialiser, literal
-from .families import Member, Word, in_fields, state_layout
-from .follower_parts import InnerView, Struct, inner_names, whole
+from .families import Member, Word, state_layout
 from .layouts import lay_out
 from .manual import Channel
-from .maps import Names, Table
+from .maps import MapSpec, Names, Table
 from .mode_parts import ModeView
 from .parts import Field, Operations, Parts, Size, vector_table
-from .render import render
 
 
 @dataclass(frozen=True)
 class TrailingView(ModeView):
-    """Beside the estimator's: the inner C, the faults, the tables of thresholds and limits, and what a start needs.
+    """Beside the estimator's: the faults, the tables of thresholds and limits, and what a start needs.
 
     ``row`` is the row of the thresholds that counts, ``stays`` the condition under which a filter goes on.
     """
 
-    told: str
     faults: tuple[Channel, ...]
     thresholds: Table
     told_limit: Table
@@ -53,10 +50,9 @@ def parts(t, s, names: Names, signals: tuple, layout: str, faults: tuple[Channel
     -------
     Parts
     """
-    m, real, (_, u, _, _), own = names.macro, names.real_type, signals, t.told
+    m, real, own = names.macro, names.real_type, t.told
     estimator = mode_parts.parts("mode", t, s, names, signals, layout)
-    inner = inner_names(names)
-    views = tuple(lay_out(spec, layout) for spec in filter_parts.maps(own, inner, faults))
+    views = tuple(lay_out(spec, layout) for spec in maps(own, replace(names, checked=True), faults))
     count = len(own.M) * len(own.limit)
     numbers: list[Member] = [f for f in estimator.state.members if f[1] in ("box_lo", "box_hi")]
     numbers.append((real, "told_xi", f"[{m}_NXI]", (f"states of the filters, {m}_NS numbers per mode",)))
@@ -77,32 +73,26 @@ def parts(t, s, names: Names, signals: tuple, layout: str, faults: tuple[Channel
     lengths = (("NXI", count), ("NS", len(own.limit)), ("NF", len(faults)))
     quiet = [*["(s->hold != 0U)"] * s.counts_hold, *["(s->latched != 0U)"] * s.latch]
     stays = " || ".join(["((alive & 1U) == 0U)", *quiet])
-    view = _view(estimator.sets[0], own, names, faults, count, stays,
-                 render("inner.c.jinja", d=_inner(views, own, inner, names, len(u))).rstrip("\n"))
+    view = _view(estimator.sets[0], own, names, faults, count, stays)
     cost = Operations(*(int(len(own.M) * x) for x in sum(2 * v.operations for v in views)))
     return replace(estimator, noun="boxes", header="trailing.h.jinja", self_test="harness/test_trailing.c.jinja",
-                   state=replace(state, clear=(*state.clear, *cleared)),
+                   maps=views, state=replace(state, clear=(*state.clear, *cleared)),
                    out_fields=(*estimator.out_fields[:4], *out, *estimator.out_fields[4:]),
                    operations=estimator.operations + cost + _more(t), sets=(view,),
                    lengths=(*estimator.lengths, *lengths))
 
 
-def _inner(views: tuple, t, inner: Names, names: Names, n_u: int) -> InnerView:
-    """Collect what the inner C prints of the filters."""
-    m = inner.macro
-    sizes = [Size(name, f"{names.macro}_{name}", note) for name, note in (
-        *(("NU", "inputs"),) * bool(n_u), ("NY", "outputs"), ("NS", "states of a filter"), ("NF", "faults"),
-        ("MODES", "modes"))]
-    real = names.real_type
-    given = [Field(*f) for f in in_fields(inner, n_u, 0) if f[1] != "spare"]
-    structs = (Struct("state", (Field(real, "xi", f"[{m}_NS]", ("state of the filter",)),)),
-               Struct("in", whole(given, t.real)),
-               Struct("out", (Field(real, "f_hat", f"[{m}_NF]", ("estimates of the faults",)),)))
-    return InnerView(inner.prefix, m, names.prefix, literal(0.0, t.real), tuple(sizes), structs, views, (), (), ())
+def maps(told, names: Names, faults: tuple[Channel, ...]) -> tuple[MapSpec, ...]:
+    """Estimate and step of the filter of mode q, whose state begins at xi."""
+    p, out = names.prefix, []
+    for spec, target in zip(filter_parts.maps(told, names, faults), ("f_hat", "next")):
+        out.append(replace(spec, parameters=(f"const {p}_real *xi", f"const {p}_in *in", "uint32_t mode",
+                                             f"{p}_real *{target}"), selector="mode", index="mode", target_lo=target,
+                           target_hi=target, state=replace(spec.state, operand="xi")))
+    return tuple(out)
 
 
-def _view(mode: ModeView, t, names: Names, faults: tuple[Channel, ...], count: int, stays: str,
-          inner: str) -> TrailingView:
+def _view(mode: ModeView, t, names: Names, faults: tuple[Channel, ...], count: int, stays: str) -> TrailingView:
     """Print the tables of the filters beside those of the estimator."""
     m, real = names.macro, t.real
     lines: list[str] = []
@@ -125,7 +115,7 @@ def _view(mode: ModeView, t, names: Names, faults: tuple[Channel, ...], count: i
              Size("ROWS", f"{t.h.shape[1]}U", "rows of thresholds after a start; the last holds for ever"),
              Size("LAST", f"{t.last}U", "s->told_since once the last row holds"))
     return TrailingView(
-        **vars(mode) | {"sizes": (*mode.sizes, *sizes)}, told=inner, faults=faults, thresholds=thresholds,
+        **vars(mode) | {"sizes": (*mode.sizes, *sizes)}, faults=faults, thresholds=thresholds,
         told_limit=vector_table("limit", f"{m}_NS", t.limit, real), begin=begin, middle=literal(0.5, real),
         grow=literal(t.grow, real), floor=literal(t.floor, real),
         row=f"(s->told_since[q] >> {t.shift}U)" if t.shift else "s->told_since[q]", stays=stays)

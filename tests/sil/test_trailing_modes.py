@@ -63,7 +63,7 @@ def test_c_equals_the_reference(name, real, layout, supervision, tmp_path):
 
 
 MUTANTS = {
-    "filter of another mode": ("given->mode = q;", "given->mode = 0U;"),
+    "filter of another mode": ("told_xi[at], in, q, next)", "told_xi[at], in, 0U, next)"),
     "young ones ruled out": ("                s->alive[q] &= 1U;", "                s->alive[q] = 0U;"),
     "what has begun changes nothing": ("(runs && (((alive & 1U) == 0U) || (s->latched != 0U)))", "runs"),
     "goes on as if nothing had begun": ("else if (none || ((alive & 1U) != 0U))", "else if (none)"),

@@ -203,7 +203,7 @@ def test_a_slow_fault_is_found_by_the_filter_first(tmp_path):
     assert 60 < first[0] <= 60 + 0.5 * (first[1] - 60)
     folder = write(design, tmp_path, layout="loop")
     code = (folder / "pushed.c").read_text()
-    deaf = code.replace("if (pushed_beyond(s, q, &own, bound))", "if (pushed_beyond(s, q, &own, bound) && (q > 9U))")
+    deaf = code.replace("if (pushed_beyond(s, q, f_hat, bound))", "if (pushed_beyond(s, q, f_hat, bound) && (q > 9U))")
     (folder / "pushed.c").write_text(deaf)
     assert deaf != code and int(np.argmax(build(folder).run(run.u, quiet + drift).alarm)) == first[1]
 
