@@ -20,6 +20,7 @@ Array = np.ndarray
 SIZES = 4  # of a start, beside anywhere
 WIDER = 2.0  # smallest size over half of the widest box of a mode that stays
 CLOSE = 1.02  # the last row over what is left for ever, at most
+NOTHING = 1e-6  # bounds of what nothing drives, over the largest
 SETTLED = 20  # samples after which that is looked at
 
 
@@ -167,7 +168,9 @@ def own_set(plant: Plant, model, E: Array, most: int | None) -> tuple:
     chooser = StartChooser((model,), E)
     low = chooser.reached(np.concatenate(chooser.O))
     kept = chooser.kept(chooser.grown(most or ROWS, low))
-    b = None if kept is None else chooser.settled(kept[1], kept[2] * ABOVE)
+    # What nothing drives comes down from a start, but never to zero.
+    b = None if kept is None else chooser.settled(kept[1], np.where(
+        kept[2] > 0, kept[2], NOTHING * np.max(kept[2])) * ABOVE)
     if b is None:
         raise DesignError(f"{plant.name}: no set of plant and filter is kept in a mode that stays, under this "
                           "uncertainty (found none), so there is no threshold. State narrower bounds, or raise "
