@@ -47,9 +47,9 @@ def follows(A: Array, C: Array, M: Array, L: Array, K: Array, Dy: Array) -> Arra
 
     Parameters
     ----------
-    A, C : ndarray
+    A : ndarray (n_x, n_x), C : ndarray (n_y, n_x)
         Of the plant.
-    M, L, K, Dy : ndarray
+    M : ndarray (n_s, n_s), L : ndarray (n_s, n_y), K : ndarray (n_f, n_s), Dy : ndarray (n_f, n_y)
         Of the filter.
 
     Returns
