@@ -308,7 +308,7 @@ def init(name, like):
         raise PlantError(f"{path}: cannot be written ({error.strerror}). Choose another folder.") from error
     click.echo(f"wrote {path}; next: residua run {path}")
     if like is None and name in gallery_names():
-        click.echo(f"It holds the cart; for the gallery's {name}: residua run {name}, or residua init NAME --from {name}")
+        click.echo(f"it holds the cart; for the gallery's {name}: residua run {name}, residua init NAME --from {name}")
 
 
 if __name__ == "__main__":

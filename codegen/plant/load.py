@@ -112,7 +112,7 @@ def starter(name: str, like: str | None = None) -> str:
     name : str
         Plant name.
     like : str or None
-        Gallery plant that it starts from, whose recorded data stay where they are; None: the cart, with more comments.
+        Gallery plant that it starts from; None: the cart, with more comments.
 
     Returns
     -------
@@ -129,7 +129,6 @@ def starter(name: str, like: str | None = None) -> str:
         text = _STARTER.read_text(encoding="utf-8")
     elif like in gallery_names():
         text = (_GALLERY / f"{like}.toml").read_text(encoding="utf-8")
-        text = text.replace('= "data/', f'= "{_GALLERY.as_posix()}/data/')
     else:
         raise PlantError(_no_such_plant(like))
     return re.sub(r'^name( *)= ".*?"', lambda match: f'name{match[1]}= "{name}"', text, count=1, flags=re.M)
