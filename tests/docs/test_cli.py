@@ -133,7 +133,7 @@ def test_plant_errors_are_status_3(made):
 
 
 def test_a_plant_file_starts_from_any_plant_of_the_gallery(made):
-    """What is written is that plant under another name, its records are found, too; a name of the gallery has its cart."""
+    """What is written is that plant under another name, its records are found; a name of the gallery holds the cart."""
     for like in gallery_names():
         assert "wrote mine.toml" in residua("init", "mine", "--from", like, cwd=made).stdout
         mine, there = load(made / "mine.toml"), load(like)
