@@ -103,7 +103,8 @@ CHANGES = (  # of the C: what, what instead
     (r"\(0\.5F \* first\)", "(0.25F * first)"), (r"(threshold(?:\[\w+\])+ = \{\s*\{\s*\{\s*\{ )", r"\g<1>1"),
     (r"(E(?:\[\w+\])+ = \{\s*\{ \{ )", r"\g<1>1"), (r"(largest(?:\[\w+\])+ = \{\s*\{ )", r"\g<1>1"),
     (r"(limit\[PUSHED_NS\] = \{\s*)", r"\g<1>1"), (r"\* 1\.0000005F\)", "* 1.0F)"),
-    (r"told_since\[q\] >> 1U", "told_since[q] >> 2U"), (r"(?s)(_forward\w*\([^)]*\)\n{.*?)(\d+\.\d+)F", r"\g<1>1\g<2>F"))
+    (r"told_since\[q\] >> 1U", "told_since[q] >> 2U"),
+    (r"(?s)(_forward\w*\([^)]*\)\n{.*?)(\d+\.\d+)F", r"\g<1>1\g<2>F"))
 
 
 def test_changed_c_is_refused(checker):
