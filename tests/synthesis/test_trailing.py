@@ -220,7 +220,8 @@ def test_report_and_log_have_the_estimates():
     assert len(delays.rows) == 3 and len(bounds.rows) == 2
     cells = [c.text for c in bounds.rows[1].cells]
     assert cells[:2] == ["right", "sensor"] and at_most(float(t.h[:, -1, 1].max())) in cells[-1]
-    titles = " ".join(table.caption for fold in trailing_words.gains(design, "float32", _matrix) for table in fold.tables)
+    folds = trailing_words.gains(design, "float32", _matrix)
+    titles = " ".join(table.caption for fold in folds for table in fold.tables)
     assert "K: estimate from xi" in titles and "E of mode 1" in titles and "Phi" in titles
     header, *lines = replay.table(design.plant, truth, trace).splitlines()
     column = header.split(",").index("f_hat.sensor")
