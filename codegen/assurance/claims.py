@@ -24,6 +24,7 @@ from . import (
     mode_claims,
     point_claims,
     polytopic_claims,
+    sampling_claims,
     sliding_claims,
 )
 from .margins import Margin
@@ -90,11 +91,13 @@ def claims(design, real: str) -> list[Claim]:
     CertificateError
         A sentence of the certificate has no condition here, or a condition does not hold.
     """
-    t, cert, modes = design.observer.tables[real], design.certificate[real], design.plant.observed.modes
+    t, cert, plant = design.observer.tables[real], design.certificate[real], design.plant
     out, point = [], hasattr(t, "shape")
-    own = OWN.get(design.observer.family)
-    made = point_claims.of_certificate(design, t, cert, modes, Claim, PLANT, EXACT) if point else (
-        own.of_certificate(design, t, cert, Claim, PLANT, EXACT) if own else _of_certificate(design, t, cert, modes))
+    own, modes = OWN.get(design.observer.family), (plant.enclosed if point else plant.observed).modes
+    of = tuple(dict.fromkeys((*PLANT, *sampling_claims.entries(design))))
+    made = point_claims.of_certificate(design, t, cert, modes, Claim, of, EXACT) if point else (
+        own.of_certificate(design, t, cert, Claim, of, EXACT) if own else _of_certificate(design, t, cert, modes))
+    made = (*made, *sampling_claims.of_certificate(design, t, Claim, of, EXACT))
     for (begins, make), sentence in zip_longest(made, design.claims(real), fillvalue=("no other", None)):
         if make is None or not isinstance(sentence, str) or not sentence.startswith(begins):
             raise CertificateError(f"assurance: no condition is known for the claim {sentence!r} (expected one that "
