@@ -186,7 +186,11 @@ def common_reason(plant) -> str | None:
         return reason
     if (reason := enclosed_reason(plant)) is not None:
         return reason
-    if plant.theta and (plant.kind == "discrete" or any(s.measured for s in plant.theta)):
+    measured = [s.name for s in plant.theta if s.measured]
+    if measured and plant.kind == "continuous":
+        return (f'the parameter "{measured[0]}" is measured, expected none to be: matrices that are constant in a mode '
+                'do not follow it. Use method "lpv-interval" or "tnl-interval-lpv", or set measured = false.')
+    if plant.theta and plant.kind == "discrete":
         return ('the plant has scheduling parameters, expected constant matrices per mode. Use method "lpv-interval" '
                 'or "tnl-interval-lpv".')
     if (reason := untold_reason(plant)) is not None:
