@@ -1,7 +1,8 @@
 """Method "hinf-filter" as the plant file asks for it: options, the problem with its weights, units of solver and C.
 
 Plant ``x+ = A_q x + B_q u + Bw w + Bf f``, ``y = C_q x + D_q u + Dw w + Dv v + Df f``, A and B with bounded
-unknowns, or a continuous one, of which that is what a period is enclosed by (``plant.enclosed``); the observer is a filter that estimates f (or W_f f)::
+unknowns (of a continuous plant: what encloses it at its samples, ``plant.enclosed``); the observer is a filter that
+estimates f (or W_f f)::
 
     f_hat = Du u + Dy y + K xi,     xi+ = G u + L y + M xi                 one set of constants per mode
 
