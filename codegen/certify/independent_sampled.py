@@ -6,17 +6,21 @@ Standard library only, nothing of residua imported; exact fractions. Over a peri
 
 where the rest is what w has beside its mean, at most T^2/4 |A| e^(|A| T) |Bw| half, what inputs move in between, at
 most T^2 phi_2(|A| T) |B| rate, and what the numbers below differ by from e^(A T) and J: those of TERMS terms, rounded
-to float64, which is what the certificate is about. It is in a box, which is one disturbance more per state.
+to float64, which is what the certificate is about. It is in a box, rounded up to 32 bits of the range of x: one
+disturbance more per state.
 """
 
+import math
 import sys
 import tomllib
 from fractions import Fraction as F  # noqa: N817 - on every line
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
-from independent import mul, read_plant, size, sub  # noqa: E402 - stands beside this file
+from independent import demand, mul, read_plant, size, sub  # noqa: E402 - stands beside this file
+from independent_driven import middle_plant  # noqa: E402
 from independent_period import exponential, grown  # noqa: E402
+from independent_step import read_plant as read_varying  # noqa: E402
 
 TERMS, LOSS, READ = 14, F(1, 2**150), 1 + F(1, 2**22)  # READ: the firmware reads u in float32
 
@@ -87,40 +91,51 @@ def enclosed(p, T, x, u, rates, f=()):
     if "Bf" in p:
         out["Bf"] = near(mul(short, p["Bf"]))
         parts.append(apart(mul(J, p["Bf"]), out["Bf"], f))
-    rest = [sum(values) + lost for values in zip(*parts)]
+    bits = [F(2) ** (math.frexp(s)[1] - 32) for s in x]
+    rest = [above(math.ceil((sum(values) + lost) / bit) * bit) for bit, values in zip(bits, zip(*parts))]
     return p | out | {"Bw": beside(out["Bw"], unit(n)), "w": [*p["w"], *((-r, r) for r in rest)]}
 
 
-def stated(text):
-    """Period, largest magnitudes of x, u and f, and rates of u, of a continuous plant without parameters."""
-    plant = tomllib.loads(text)
-    if plant["signals"].get("theta"):
-        print("nothing is said about a continuous plant with parameters", file=sys.stderr)
-        sys.exit(2)
-    x, u, f = ([max(abs(F(float(b))) for b in s.get("range", [0])) for s in plant["signals"].get(k, [])] for k in "xuf")
-    rates = [F(float(s.get("rate", 0))) for s in plant["signals"].get("u", [])]
-    return F(float(plant["time"]["sample_period"])), x, u, rates, f
+def above(x):
+    """The least float64 that is not below a number."""
+    near = float(x)
+    return F(near if F(near) >= x else math.nextafter(near, math.inf))
 
 
 def read_sampled(text):
-    """As ``read_plant``; modes in discrete time."""
-    modes, ranges, box0 = read_plant(text)
-    if tomllib.loads(text)["time"]["kind"] == "continuous":
-        modes = [enclosed(p, *stated(text)) for p in modes]
-    return modes, ranges, box0
+    """As ``read_plant``; of a continuous plant modes in discrete time, bounded parameters as disturbances."""
+    if tomllib.loads(text)["time"]["kind"] == "discrete":
+        return read_plant(text)
+    given, boxes, signals, T, late = read_varying(text)
+    demand(not late and not any(s.get("measured", True) for s in signals["theta"]), "modes told late, or a parameter "
+           "that is measured")
+    return [enclosed(p, T, *sizes_of(signals)) for p in without_parameters(given, boxes, signals)], *boxes.values()
+
+
+def without_parameters(given, boxes, signals):
+    """Modes with middle matrices; what parameters do is one disturbance more per state."""
+    x, u, _, _ = sizes_of(signals)
+    modes = middle_plant(given, boxes["x"], [F(float(s) * float(READ)) for s in u])
+    return [p | {"w": [(-above(b), above(b)) if k >= len(g["w"]) else (a, b) for k, (a, b) in enumerate(p["w"])]}
+            for p, g in zip(modes, given)]
+
+
+def sizes_of(signals):
+    """Largest magnitudes of x and u, rates of u, and largest magnitudes of faults."""
+    x, u, f = ([max(abs(F(float(b))) for b in s.get("range", [0])) for s in signals.get(k, [])] for k in "xuf")
+    return x, u, [F(float(s.get("rate", 0))) for s in signals.get("u", [])], f
 
 
 def of_filter(text, modes):
     """Modes as ``independent_filter`` has them, in discrete time; a disturbance in y is that of the sample, a noise."""
-    file, out = tomllib.loads(text), []
-    for mode, given in zip(modes, file.get("mode", [{}])):
-        w = [tuple(F(float(b)) for b in given.get("bounds", {}).get(s["name"], s["bounds"]))
-             for s in file["signals"].get("w", [])]
-        found = enclosed({k: mode[k][0] for k in ("A", "B", "Bw", "Bf")} | {"w": w}, *stated(text))
+    given, boxes, signals, T, _ = read_varying(text)
+    faults, out = tomllib.loads(text)["signals"].get("f", []), []
+    for mode, p in zip(modes, without_parameters(given, boxes, signals)):
+        found = enclosed(p | {"Bf": mode["Bf"][0]}, T, *sizes_of(signals | {"f": faults}))
         more = {k: [found[k]] for k in ("A", "B", "Bw", "Bf")} | {"w": largest(found["w"])}
-        through, n = mode["Dw"][0], len(found["w"])
-        more["Dw"] = [[[F(0)] * n for _ in through]]
+        more["Dw"] = [[[F(0)] * len(found["w"]) for _ in p["C"]]]
+        more |= {k: mode[k][:1] for k in ("C", "D", "Dv", "Df")}
         if any(any(row) for m in modes for row in m["Dw"][0]):
-            more |= {"Dv": [beside(mode["Dv"][0], through)], "v": [*mode["v"], *mode["w"]]}
+            more |= {"Dv": [beside(mode["Dv"][0], mode["Dw"][0])], "v": [*mode["v"], *mode["w"]]}
         out.append(mode | more)
     return out

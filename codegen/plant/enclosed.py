@@ -2,15 +2,16 @@
 
 ``sampled`` encloses a period by ``x+ = (A + dA) x + (B + dB) u + Bw [mean; rest] + (Bf + dF) f`` with bounds of dA, dB
 and dF elementwise. For x, u and f in their declared ranges ``dA x + dB u + dF f`` is in a box, and the box of ``rest``
-is widened by it, and by 2^-100 of the range of x for whoever computes the same with fewer digits. Parameters are
-bounded by disturbances before that (``bounded``). A disturbance in the outputs is that of the sample itself, no mean
-over a period: it becomes noise.
+is widened by it, and rounded up to 32 bits of the range of x: whoever bounds it in another way gets the same number.
+Parameters are bounded by disturbances before that (``bounded``). A disturbance in the outputs is that of the sample
+itself, no mean over a period: it becomes noise.
 
 What is left is a discrete plant like any other, for designs that know constant matrices alone.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from fractions import Fraction
 
@@ -21,7 +22,7 @@ from .model import Mode, Plant
 from .sampling import sampled
 
 Array = np.ndarray
-SPARE = Fraction(1, 2**100)
+BITS = 32
 
 
 def enclosed(plant: Plant) -> Plant:
@@ -51,6 +52,12 @@ def enclosed(plant: Plant) -> Plant:
     return replace(found, v=noise, modes=tuple(_mode(plant, m, s, most) for m, s in zip(plant.modes, found.modes)))
 
 
+def coarser(x: Fraction, size: float) -> float:
+    """The least multiple of a bit of a size, ``BITS`` bits below its first one, that is not below a number."""
+    bit = Fraction(2) ** (math.frexp(size)[1] - BITS)
+    return above(math.ceil(x / bit) * bit)
+
+
 def _through(plant: Plant) -> bool:
     """Whether a disturbance is in the outputs."""
     return any(np.any(m.Dw) for m in plant.modes)
@@ -67,7 +74,7 @@ def _mode(plant: Plant, given: Mode, sampled_mode, most: dict[str, Array]) -> Mo
     for i in range(n):
         beyond = sum((Fraction(r) * Fraction(s) for name, size in most.items()
                       for r, s in zip(getattr(sampled_mode, f"{name}_rad")[i], size) if r), Fraction(hi[i - n]))
-        hi[i - n] = above(beyond + Fraction(most["A"][i]) * SPARE)
+        hi[i - n] = coarser(beyond, most["A"][i])
         lo[i - n] = -hi[i - n]
     keep = {k: getattr(sampled_mode, k) for k in ("name", "A", "B", "C", "D", "Bw", "Bf", "Df", "Dv", "v_lo", "v_hi")}
     if _through(plant):
