@@ -125,7 +125,8 @@ class Member:
         demand(surely_positive(P1) and surely_positive(P2) and turned(P1) == P1 and turned(P2) == P2, "P1, P2")
         heard, g = mul(turned(out), out), F(proof["level2"])
         told = self.proof.get("period")
-        demand(F(self.stored["gamma"]) ** 2 >= g and (told if told is None else F(told)) == p["euler"], "level or period")
+        demand(F(self.stored["gamma"]) ** 2 >= g and (told if told is None else F(told)) == p["euler"],
+               "level or period")
         before = gram(P2, p["E"])
         for i, (A, B) in enumerate(p["vertices"]):
             B = [[a * b for a, b in zip(row, self.u)] for row in B]

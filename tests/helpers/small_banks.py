@@ -6,9 +6,11 @@ The valve between them is set from outside: measured, known but for an error, or
 from __future__ import annotations
 
 from functools import lru_cache
+from unittest import mock
 
 from codegen.pipeline import design as made
 from codegen.plant.load import loads
+from codegen.selection import banks
 
 TEXT = """
 format = 1
@@ -25,7 +27,8 @@ x = [{ name = "a", unit = "m", range = [-2, 2] }, { name = "b", unit = "m", rang
 u = [{ name = "inflow", range = [-1, 1] }]
 y = [{ name = "ya", range = [-4, 4] }, { name = "yb", range = [-4, 4] }, { name = "both", range = [-6, 6] }]
 w = [{ name = "leak", bounds = [-0.01, 0.01] }]
-v = [{ name = "va", bounds = [-0.01, 0.01] }, { name = "vb", bounds = [-0.01, 0.01] }, { name = "vc", bounds = [-0.01, 0.01] }]
+v = [{ name = "va", bounds = [-0.01, 0.01] }, { name = "vb", bounds = [-0.01, 0.01] },
+     { name = "vc", bounds = [-0.01, 0.01] }]
 f = [{ name = "a sensor", range = [-1, 1] }, { name = "b sensor", range = [-1, 1] }]
 theta = [{ name = "valve", bounds = [0.2, 0.7] }]
 
@@ -55,7 +58,8 @@ u = ["sin(0.3*t)"]
 fault = [{ channel = "a sensor", from = 60, to = 110, value = "0.5" },
          { channel = "b sensor", from = 200, to = 250, value = "-0.5" }]
 """
-CONTINUOUS = (('kind = "discrete"', 'kind = "continuous"'), ('"0.8*a - 0.2*valve*a + 0.1*inflow"', '"inflow - 2*a - 2*valve*a"'),
+CONTINUOUS = (('kind = "discrete"', 'kind = "continuous"'),
+              ('"0.8*a - 0.2*valve*a + 0.1*inflow"', '"inflow - 2*a - 2*valve*a"'),
               ('"0.2*valve*a + 0.7*b"', '"2*valve*a - 3*b"'))
 STATE = (('theta = [{ name = "valve", bounds = [0.2, 0.7] }]\n', ""),
          ('"0.8*a - 0.2*valve*a + 0.1*inflow"', '"0.75*a - 0.02*a**3 + 0.1*inflow"'),
@@ -76,4 +80,6 @@ def text_of(name: str) -> str:
 
 @lru_cache
 def design(name: str):
-    return made(loads(text_of(name)), "bank")
+    """Its runs without fault are shorter than those that a user gets."""
+    with mock.patch.object(banks, "JUDGED", 100):
+        return made(loads(text_of(name)), "bank")
