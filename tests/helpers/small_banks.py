@@ -5,13 +5,20 @@ The valve between them is set from outside: measured, known but for an error, or
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from unittest import mock
 
+from codegen.analysis.validate import side_by_side
+from codegen.designs import read_design
 from codegen.pipeline import design as made
 from codegen.plant.load import loads
+from codegen.plant.model import Fault
+from codegen.plant.simulate import simulate
 from codegen.selection import banks
 
+DATA = Path(__file__).resolve().parents[1] / "data"
 TEXT = """
 format = 1
 name = "tanks"
@@ -83,3 +90,15 @@ def design(name: str):
     """Its runs without fault are shorter than those that a user gets."""
     with mock.patch.object(banks, "JUDGED", 100):
         return made(loads(text_of(name)), "bank")
+
+
+@lru_cache
+def frozen(name: str = "measured"):
+    """"measured" or "state" as they were designed, kept for tests of what is not the design."""
+    return read_design(DATA / f"tanks_{name}_bank.json")
+
+
+def stimulus(plant, steps: int, seed: int, faults=()) -> tuple:
+    """Inputs, outputs, modes, parameters of one run of the scenario; faults are (channel, from, to, value)."""
+    own = replace(plant.scenarios[0], steps=steps, fault=tuple(Fault(*f) for f in faults))
+    return side_by_side([simulate(plant, own, seed=seed)])
