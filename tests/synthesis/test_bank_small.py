@@ -17,6 +17,7 @@ from codegen.analysis.frequency import responses
 from codegen.emit.package import firmware
 from codegen.errors import CertificateError, DesignError
 from codegen.plant.load import loads
+from codegen.report.design_words import words_of
 from codegen.selection.bank_claims import check
 from codegen.selection.polytopic_tables import read_parameters
 from codegen.synthesis import hminus_hinf_discrete
@@ -158,6 +159,15 @@ def test_what_is_read_of_a_parameter_takes_in_its_error():
         lo, hi = float(found["theta_lo"][0]), float(found["theta_hi"][0])
         assert found["columns"] == (0,) and lo <= 0.2 - 0.02 and hi >= 0.7 + 0.02
         assert lo > 0.18 - 1e-7 and hi < 0.72 + 1e-7
+
+
+@pytest.mark.parametrize("name", ["measured", "state"])
+def test_the_report_says_that_steps_are_the_plants_own_and_what_weights_read(name):
+    found = words_of(small_banks.frozen(name), "float32")
+    facts = {f.term: f.text for f in found.facts}
+    assert facts["Observers"].endswith("in discrete time") and "Euler" not in str(found)
+    assert facts["Method"].endswith(", with weights that read measured parameters") == (name == "measured")
+    assert "bound every path of theta" not in str(found)  # that is of surely detected faults, of which there are none
 
 
 def test_decay_is_per_sample_where_the_plant_is_discrete():
