@@ -40,7 +40,7 @@ def read_plant(text):
     plant = {k: matrix(common.get(k), len(signals[r]), len(signals[c])) for k, r, c in (
         ("C", "y", "x"), ("Bw", "x", "w"), ("Dv", "y", "v"), ("Df", "y", "f"))}
     unknown("Bf" in common)
-    plant["E"] = matrix(own.get("E", common.get("E")), n, n)
+    plant["E"] = matrix(own.get("E", common.get("E", [[i == j for j in range(n)] for i in range(n)])), n, n)
     plant |= {k: [tuple(F(float(b)) for b in s.get("range", s.get("bounds", (0, 0)))) for s in signals[k]]
               for k in "xuywvf"}
     plant["x0"] = [(F(float(a)), F(float(b))) for a, b in zip(p["initial"]["x_lo"], p["initial"]["x_hi"])]
@@ -52,7 +52,7 @@ def read_plant(text):
     names = [s["name"] for k in ("x", "u", "theta") for s in signals[k]]
     known = {k for k, s in enumerate([*signals["u"], *signals["theta"]], n) if not s.get("error", 0)}
     if given:
-        plant["vertices"] = [(matrix(v["A"], n, n), matrix(v["B"], n, m)) for v in given]
+        plant["vertices"] = [[matrix(v.get(k, common.get(k)), n, c) for k, c in (("A", n), ("B", m))] for v in given]
         read = {k.id for v in given for k in ast.walk(ast.parse(str(v["weight"]))) if isinstance(k, ast.Name)}
         tied = all(k in known for k, name in enumerate(names) if name in read)
     else:

@@ -67,7 +67,8 @@ def inapplicable(plant) -> str | None:
             other = "hminus-hinf" if plant.kind == "continuous" else "descriptor-discrete"
             return (f'fault "{fault.name}" acts on the state (Bf is not zero), expected faults of sensors: the state '
                     "carries it to every output, and no observer is blind to it for reading fewer of them. That there "
-                    f'is a fault, not which, method "{other}" says; leave this one out to tell the sensors apart.')
+                    f'is a fault, not which, method "{other}" says; leave it out to tell the sensors apart while it '
+                    "does not act.")
         rows = sensors(plant, k)
         if not 0 < len(rows) < plant.n_y:
             return f'fault "{fault.name}" acts on {len(rows)} of {plant.n_y} outputs, expected some, but not all.'

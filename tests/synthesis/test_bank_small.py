@@ -147,6 +147,7 @@ def test_the_independent_checker_knows_what_is_tied(checker):
     assert len(pairs["state"]) == len(pairs["error"]) == 4
     for name, expected in pairs.items():
         assert list(problem_of(loads(small_banks.text_of(name))).pairs) == expected
+    assert checker.read_plant(small_banks.TEXT.replace("E = [[1, 0], [0, 1]]\n", ""))["E"] == [[1, 0], [0, 1]]
     with pytest.raises(SystemExit) as stopped:
         checker.read_plant(small_banks.TEXT.replace("[0.2, 0.7] }", "[0.2, 0.7], measured = false }"))
     assert stopped.value.code == 2
