@@ -9,8 +9,9 @@ course, and every other constant fault moves its residual by a certified size. T
 Weights may read states, inputs and measured parameters. Where these are measured exactly (and inputs are), plant and
 observer weigh alike what rests on them alone, and T1 is one for all vertices (``descriptor_problem.pairs_of``).
 
-A fault that moves the state (Bf is not zero) reaches every output: no choice of outputs is blind to it, and no member
-would stay quiet. That takes an observer whose error the fault cannot enter, T1 Bf = 0, which is another design.
+A fault that moves the state (Bf is not zero) enters the error of every member as T1 Bf f, whichever outputs it reads, so
+that none would stay quiet. That takes an observer with T1 Bf = 0, as outputs that see the fault at once allow it: it is
+another design, and with rounded constants zero but for what has to be bounded.
 
 Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, section 3.6 (generalised scheme) and Theorem
 4.3.3. Differences from the print:
@@ -65,10 +66,10 @@ def inapplicable(plant) -> str | None:
     for k, fault in enumerate(plant.f):
         if any(np.any(v.Bf[:, k]) for v in p.vertices):
             other = "hminus-hinf" if plant.kind == "continuous" else "descriptor-discrete"
-            return (f'fault "{fault.name}" acts on the state (Bf is not zero), expected faults of sensors: the state '
-                    "carries it to every output, and no observer is blind to it for reading fewer of them. That there "
-                    f'is a fault, not which, method "{other}" says; leave it out to tell the sensors apart while it '
-                    "does not act.")
+            return (f'fault "{fault.name}" acts on the state (Bf is not zero), expected faults of sensors: it '
+                    "enters the error of every observer (T1 Bf f), so that none is blind to it for reading fewer "
+                    f'outputs. That there is a fault, not which, method "{other}" says; leave it out to tell the '
+                    "sensors apart while it does not act.")
         rows = sensors(plant, k)
         if not 0 < len(rows) < plant.n_y:
             return f'fault "{fault.name}" acts on {len(rows)} of {plant.n_y} outputs, expected some, but not all.'

@@ -183,4 +183,5 @@ def test_a_fault_on_the_state_is_refused_with_the_reason(kind, method):
     text = plant("dlpv").text.replace('kind = "continuous"', f'kind = "{kind}"').replace(
         "Df = [[1, 0, 0]", "Bf = [[0, 0, 0], [1, 0, 0], [0, 0, 0]]\nDf = [[1, 0, 0]")
     reason = inapplicable(loads(text))
-    assert "carries it to every output, and no observer is blind" in reason and f'method "{method}"' in reason
+    assert "enters the error of every observer (T1 Bf f), so that none is blind" in reason
+    assert f'method "{method}"' in reason
