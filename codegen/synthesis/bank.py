@@ -9,9 +9,9 @@ course, and every other constant fault moves its residual by a certified size. T
 Weights may read states, inputs and measured parameters. Where these are measured exactly (and inputs are), plant and
 observer weigh alike what rests on them alone, and T1 is one for all vertices (``descriptor_problem.pairs_of``).
 
-A fault that moves the state (Bf is not zero) enters the error of every member as T1 Bf f, whichever outputs it reads, so
-that none would stay quiet. That takes an observer with T1 Bf = 0, as outputs that see the fault at once allow it: it is
-another design, and with rounded constants zero but for what has to be bounded.
+A fault that moves the state (Bf is not zero) enters the error of every member as T1 Bf f, whichever outputs it reads:
+none would stay quiet. That takes an observer with T1 Bf = 0, where the outputs see the fault at once. It is another
+design, in which rounding leaves a little of that zero to be bounded.
 
 Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, section 3.6 (generalised scheme) and Theorem
 4.3.3. Differences from the print:
