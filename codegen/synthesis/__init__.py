@@ -126,7 +126,7 @@ METHODS = {
     "tracking": Method(("continuous polytopic, E = I",), "polytopic",
                        "detection observer and tracking law with integral action, as one unit",
                        "Lopez-Estrada (2014), Theorems C.1.1, C.1.2", tracking, automatic=False),
-    "bank": Method(("continuous polytopic descriptor",), "bank",
+    "bank": Method(("continuous or discrete polytopic descriptor",), "bank",
                    "one detection observer per sensor fault: tells which",
                    "Lopez-Estrada (2014), sections 3.6 and 4.3", bank, automatic=False),
     "mode-set": Method(("switched, mode unknown",), "mode", "the modes that are still possible",
