@@ -31,10 +31,17 @@ DISCRETE = NO_FEED.replace('kind = "continuous"', 'kind = "discrete"').replace(
     '[30.25, "shut"], [60.5, "open"]', '[30, "shut"], [60, "open"]')
 #: Noise that hides wrong modes for some samples: what they do to the right one matters.
 NOISY = ("[-0.001, 0.002]", "[-0.02, 0.03]")
+#: Coordinates z = R x in which A - L C > 0 in both modes; its second column has a negative entry, whatever L is.
+TURN = {"R": [[1, -1], [-0.75, 1.25]], "L": [[[-0.1], [0.1]], [[-0.2], [0.05]]]}
+TURNED = DISCRETE.replace("f = [{", 'theta = [{ name = "dirt", bounds = [0, 0.01], measured = false }]\nf = [{').replace(
+    "[[0.8, 0.2], [-0.1, 0.6]]", '[["0.806 + dirt", -0.444], [0.444, 0.094]]').replace(
+    "[[0.8, 0.2], [0.1, 0.5]]", "[[0.837, -0.512], [0.452, 0.112]]").replace(
+    "B = [[0.1], [0.05]]", "B = [[0.21], [0.09]]").replace("B = [[0.1], [0.1]]", "B = [[0.02], [0.4]]")
 PLANTS = {"constant": TEXT, "parameters": LPV, "hidden": LPV.replace("B = [[-2]", "B = [[1]").replace(*NOISY),
-          "discrete": DISCRETE.replace(*NOISY)}
+          "discrete": DISCRETE.replace(*NOISY), "turned": TURNED.replace(*NOISY)}
 #: Part of the first column of A that L and N take: with N the framers see the newest measurement.
-GAINS = {"constant": (0.8, 0.0), "parameters": (0.3, 0.5), "hidden": (0.3, 0.5), "discrete": (0.3, 0.5)}
+GAINS = {"constant": (0.8, 0.0), "parameters": (0.3, 0.5), "hidden": (0.3, 0.5), "discrete": (0.3, 0.5),
+         "turned": (0.0, 0.0)}
 AGES = 3
 
 
@@ -55,6 +62,8 @@ def told(name: str, real: str):
         measured = [j for j, s in enumerate(p.theta) if s.measured]
         gains |= {"L_theta": np.zeros((len(A), len(measured), 2, 1)), "midpoint": p.reads_both_ends, "late": False,
                   "columns": measured, "split": True}
+        if name == "turned":
+            gains |= {key: np.array(TURN[key[0]]) for key in ("R", "L_hi", "L_lo")}
     elif np.any(A[0] < 0):  # nonnegative after T A - L C: the second row loses its negative entry to L
         L = L.copy()
         L[:, 1, 0] = np.minimum(A[:, 1, 0], 0)
