@@ -31,14 +31,15 @@ DISCRETE = NO_FEED.replace('kind = "continuous"', 'kind = "discrete"').replace(
     '[30.25, "shut"], [60.5, "open"]', '[30, "shut"], [60, "open"]')
 #: Noise that hides wrong modes for some samples: what they do to the right one matters.
 NOISY = ("[-0.001, 0.002]", "[-0.02, 0.03]")
-#: Coordinates z = R x in which A - L C > 0 in both modes; its second column has a negative entry, whatever L is.
-TURN = {"R": [[1, -1], [-0.75, 1.25]], "L": [[[-0.1], [0.1]], [[-0.2], [0.05]]]}
+#: Coordinates z = R x in which A - L C >= 0 in both modes; its second column has a negative entry, whatever L is.
+TURN = {"R": [[0.65, 1], [-1, -0.05]], "L": [[[0.824], [-0.516]], [[0.659], [-0.384]]]}
 TURNED = DISCRETE.replace("f = [{", 'theta = [{ name = "dirt", bounds = [0, 0.01], measured = false }]\nf = [{').replace(
-    "[[0.8, 0.2], [-0.1, 0.6]]", '[["0.806 + dirt", -0.444], [0.444, 0.094]]').replace(
-    "[[0.8, 0.2], [0.1, 0.5]]", "[[0.837, -0.512], [0.452, 0.112]]").replace(
-    "B = [[0.1], [0.05]]", "B = [[0.21], [0.09]]").replace("B = [[0.1], [0.1]]", "B = [[0.02], [0.4]]")
+    "[[0.8, 0.2], [-0.1, 0.6]]", '[["0.5 + dirt", -0.5], [0.1, 0.95]]').replace(
+    "[[0.8, 0.2], [0.1, 0.5]]", "[[0.4, -0.4], [0.2, 0.9]]").replace(
+    "B = [[0.1], [0.05]]", "B = [[0.35], [-0.02]]").replace("B = [[0.1], [0.1]]", "B = [[0.25], [0.1]]").replace(
+    "[-0.002, 0.004]", "[-0.02, 0.04]")
 PLANTS = {"constant": TEXT, "parameters": LPV, "hidden": LPV.replace("B = [[-2]", "B = [[1]").replace(*NOISY),
-          "discrete": DISCRETE.replace(*NOISY), "turned": TURNED.replace(*NOISY)}
+          "discrete": DISCRETE.replace(*NOISY), "turned": TURNED.replace(NOISY[0], "[-0.05, 0.06]")}
 #: Part of the first column of A that L and N take: with N the framers see the newest measurement.
 GAINS = {"constant": (0.8, 0.0), "parameters": (0.3, 0.5), "hidden": (0.3, 0.5), "discrete": (0.3, 0.5),
          "turned": (0.0, 0.0)}

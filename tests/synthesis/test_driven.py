@@ -23,7 +23,7 @@ from tests.helpers.small_modes import exact_course
 
 RUNS, STEPS = 6, 70
 #: Mean width against that of the estimator alone.
-NARROWER = {"constant": 1, "parameters": 0.92, "hidden": 0.99, "discrete": 1}
+NARROWER = {"constant": 1, "parameters": 0.92, "hidden": 0.99, "discrete": 1, "turned": 0.9}
 
 
 @lru_cache
@@ -89,7 +89,7 @@ def young_too(t, now, kept, lo, hi):
     return out
 
 
-ORIGINAL, NARROWED = driven.framed, driven.narrowed
+ORIGINAL, NARROWED, TURNED = driven.framed, driven.narrowed, driven.turned
 
 
 @pytest.mark.parametrize("name", ["hidden", "discrete"])
@@ -98,6 +98,48 @@ def test_other_ways_lose_the_truth(name, where, instead, monkeypatch):
     """Framers that are not widened by a switch, or by another mode's, or that cut what has just begun."""
     monkeypatch.setattr(driven, where, instead)
     assert lost(name, tables(name, "float32"), "float32")[0] > 0
+
+
+def test_other_coordinates_begin_anew_and_are_carried(monkeypatch):
+    """z that was made of x before a switch could have been loses the truth; z made of x at every sample is useless."""
+    t, lived = tables("turned", "float32"), {}
+
+    def noted(t, run, now, kept, lo, hi):
+        lived["kept"] = kept & now.alive[..., 1:].any(axis=-1)
+        return ORIGINAL(t, run, now, kept, lo, hi)
+
+    monkeypatch.setattr(driven, "framed", noted)
+    monkeypatch.setattr(driven, "turned", lambda told, moved, x, z: TURNED(told, lived["kept"], x, z))
+    assert lost("turned", t, "float32")[0] > 0
+    monkeypatch.setattr(driven, "turned", lambda told, moved, x, z: TURNED(told, moved, x, [a[:, ::-1] for a in z]))
+    assert lost("turned", t, "float32")[0] > 0
+    monkeypatch.setattr(driven, "turned", lambda told, moved, x, z: TURNED(told, 0 * moved > 0, x, z))
+    bad, out = lost("turned", t, "float32")
+    alone = answers("turned", t, "float32", ModeObserver)
+    assert bad == 0 and np.mean(out.x_hi - out.x_lo) > 0.97 * np.mean(alone.x_hi - alone.x_lo)
+
+
+@pytest.mark.parametrize("part", ["d_hi", "M_hi", "Z", "X"])
+def test_other_coordinates_of_another_step_lose_the_truth(part):
+    t = tables("turned", "float32")
+    own, c = t.told, t.told.change
+    wrong = {"d_hi": {"d_hi": 0 * own.d_hi, "d_lo": 0 * own.d_lo}, "M_hi": {"M_hi": 0.8 * own.M_hi},
+             "Z": {"change": replace(c, Z=0.9 * c.Z)}, "X": {"change": replace(c, X=c.X[::-1])}}[part]
+    assert lost("turned", replace(t, told=replace(own, **wrong)), "float32")[0] > 0
+
+
+@pytest.mark.parametrize("part, factor, words", [
+    ("e_lo", 0.5, "offset e_lo"), ("b_hi", 0.5, "offset b_hi"), ("X", 1.001, "offset b"), ("z_hi", 0.999, "range of z"),
+    ("box", 0.5, "range of z"), ("Z", 1.001, "offset|range of z"), ("N", 0.1, "next sample")])
+def test_other_coordinates_are_certified(part, factor, words):
+    """Both maps, the range of z, and that nothing of the next sample is read; all before the delays."""
+    t, p, cert = tables("turned", "float32"), plant("turned"), {"told": told("turned", "float32")[1]}
+    own, c = t.told, t.told.change
+    driven_certificate.check_framers(p.observed.modes, own, cert["told"])
+    wrong = replace(own, N_hi=own.N_hi + np.float32(factor)) if part == "N" else replace(
+        own, change=replace(c, **{part: getattr(c, part) * np.float32(factor)}))
+    with pytest.raises(CertificateError, match=words):
+        driven_certificate.check(bounded(p), p.observed.modes, replace(t, told=wrong), cert)
 
 
 def test_wrong_mode_or_no_margin_loses_the_truth():
