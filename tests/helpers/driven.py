@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+import codegen
 from codegen.designs import Design
 from codegen.observers import DrivenObserver, DrivenTables, ModeTables, Supervision
 from codegen.plant.bounded import bounded
@@ -32,7 +33,7 @@ DISCRETE = NO_FEED.replace('kind = "continuous"', 'kind = "discrete"').replace(
 #: Noise that hides wrong modes for some samples: what they do to the right one matters.
 NOISY = ("[-0.001, 0.002]", "[-0.02, 0.03]")
 #: Coordinates z = R x in which A - L C >= 0 in both modes; its second column has a negative entry, whatever L is.
-TURN = {"R": [[0.65, 1], [-1, -0.05]], "L": [[[0.824], [-0.516]], [[0.659], [-0.384]]]}
+TURN = {"R": [[0.65, 1], [-1, -0.05]], "L": [[[0.829], [-0.516]], [[0.659], [-0.384]]]}
 TURNED = DISCRETE.replace("f = [{", 'theta = [{ name = "dirt", bounds = [0, 0.01], measured = false }]\nf = [{').replace(
     "[[0.8, 0.2], [-0.1, 0.6]]", '[["0.5 + dirt", -0.5], [0.1, 0.95]]').replace(
     "[[0.8, 0.2], [0.1, 0.5]]", "[[0.4, -0.4], [0.2, 0.9]]").replace(
@@ -44,6 +45,19 @@ PLANTS = {"constant": TEXT, "parameters": LPV, "hidden": LPV.replace("B = [[-2]"
 GAINS = {"constant": (0.8, 0.0), "parameters": (0.3, 0.5), "hidden": (0.3, 0.5), "discrete": (0.3, 0.5),
          "turned": (0.0, 0.0)}
 AGES = 3
+#: The last one with modes that can be told apart, as a user states it.
+STATED = TURNED.replace("B = [[0.25], [0.1]]", "B = [[-0.4], [0.3]]").replace("[0.5, 2]", "[1, 2]").replace(
+    "1 + 0.5*sin(t)", "1.5 + 0.5*sin(t)").replace("[-0.02, 0.04]", "[-0.002, 0.004]").replace(
+    'method = "mode-set"', f'''method = "component-interval"
+coordinates = "change"
+modes = "set"
+gains = {{ R = {TURN["R"]}, L = {TURN["L"]} }}''')
+
+
+@lru_cache
+def turned_design() -> Design:
+    """Framers in other coordinates, certified."""
+    return codegen.design(loads(STATED))
 
 
 @lru_cache
