@@ -171,7 +171,8 @@ def spoilt(design, where, key, change):
         new = change(getattr(t, key))
         t = replace(t, **{key: new if key == "law" else np.asarray(new, getattr(t, key).dtype)})
     elif where == "told":
-        t = replace(t, told=replace(t.told, **{key: change(getattr(t.told, key)).astype(t.dtype)}))
+        new = change(getattr(t.told, key))
+        t = replace(t, told=replace(t.told, **{key: new.astype(t.dtype) if isinstance(new, np.ndarray) else new}))
     elif where == "set":
         own = t.told.shape
         t = replace(t, told=replace(t.told, shape=replace(own, **{key: change(getattr(own, key)).astype(t.dtype)})))
@@ -288,6 +289,19 @@ def test_margins_refuse_what_does_not_hold(family):
     for where, key, change, words in FALSE[family]:
         with pytest.raises(CertificateError, match=words):
             claims(spoilt(design, where, key, change), "float32")
+
+
+def test_margins_of_other_coordinates():
+    design = driven.turned_design()
+    found = {c.id: c for c in claims(design, "float32")}["framers"]
+    assert {"Z", "X", "e", "b", "z"} <= set(found.constants)
+    assert {"range of z beyond what Z makes of the range of x", "offset e beyond its demand",
+            "offset b beyond its demand"} <= {m.what for m in found.margins}
+    own = design.observer.tables["float32"].told.change
+    for key, words in (("e_hi", "framers: offset e"), ("X", "framers: offset b"), ("z_lo", "framers: range of z")):
+        wrong = replace(own, **{key: getattr(own, key) * np.float32(0.9)})
+        with pytest.raises(CertificateError, match=words):
+            claims(spoilt(design, "told", "change", lambda c: wrong), "float32")
 
 
 #: A field of the set that is told its mode, made less, by case; what its margin is called.

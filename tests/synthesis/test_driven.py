@@ -18,7 +18,8 @@ from codegen.errors import CertificateError, DesignError
 from codegen.observers import DrivenObserver, DrivenTables, ModeObserver, Supervision, driven
 from codegen.plant.bounded import bounded
 from codegen.plant.load import loads
-from tests.helpers.driven import AGES, PLANTS, plant, tables, told
+from codegen.report.design_words import words_of
+from tests.helpers.driven import AGES, PLANTS, plant, tables, told, turned_design
 from tests.helpers.small_modes import exact_course
 
 RUNS, STEPS = 6, 70
@@ -234,6 +235,27 @@ def test_tampering_is_caught(place, words):
     t = DrivenTables.from_dict(data)
     with pytest.raises(CertificateError, match=words):
         claims_of(certified().plant, t, certified().certificate["float32"])
+
+
+def test_other_coordinates_the_whole_way(tmp_path):
+    """Gains and R of the user; bounds narrower than those of the estimator alone, and the report says how."""
+    made = turned_design()
+    p, t = made.plant, made.observer.tables["float32"]
+    assert made.observer.family == "driven" and "those of z = Z x" in made.claims("float32")[1]
+    again = read_checked(made.save(tmp_path / "design.json"))
+    assert again.digest == made.digest and again.observer.tables["float32"].to_dict() == t.to_dict()
+    run = codegen.simulate(p, "between samples")
+    trace = made.observer.run(run.u, run.y)
+    outcome = judge(p, p.scenarios[0], run, trace, [])
+    assert outcome.lost == outcome.false_alarms == 0 and trace.assured.all()
+    alone = ModeObserver({"float32": t}, Supervision()).run(run.u, run.y)
+    assert np.mean(trace.x_hi - trace.x_lo) < 0.9 * np.mean(alone.x_hi - alone.x_lo)
+    assert "bounds of z = Z x, of which those of x are made" in str(words_of(made, "float32"))
+    for key, words in (("e_hi", "offset e_hi"), ("b_lo", "offset b_lo"), ("z_hi", "range of z")):
+        data = t.to_dict()
+        data["told"]["change"][key] = [0.9 * x for x in data["told"]["change"][key]]
+        with pytest.raises(CertificateError, match=words):
+            claims_of(p, DrivenTables.from_dict(data), made.certificate["float32"])
 
 
 @pytest.mark.parametrize("old, new, words", [

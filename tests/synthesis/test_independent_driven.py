@@ -12,13 +12,13 @@ import sys
 from functools import cache
 
 import pytest
-from helpers.driven import PLANTS, stand_in, told
+from helpers.driven import PLANTS, stand_in, told, turned_design
 from helpers.kept import KEPT, family_of
 from helpers.scripts import prefix_of
 from synthesis.test_independent import CHECKER
 
 from codegen.certify.driven_certificate import check_joint
-from codegen.emit import files
+from codegen.emit import files, firmware
 
 REALS = ("float32", "float64")
 
@@ -192,6 +192,20 @@ def test_every_kind_of_c_is_read(name, real, layout, checker):
     with pytest.raises(SystemExit, match="refused: "):
         checker.check_source(made["valve.c"], made["valve.h"], tables(name, "float32" if real == "float64" else
                                                                       "float64"), "valve")
+
+
+def test_other_coordinates_the_whole_way(checker, tmp_path, capsys):
+    """Boxes, framers of z, delays and C of one folder; widths without the rounding of a cut are refused."""
+    made = turned_design()
+    for name, text in firmware(made, "float32", "table").items():
+        (tmp_path / name).write_text(text)
+    data, record = json.loads(made.to_json()), {"prefix": "valve", "real": "float32"}
+    assert checker.main(tmp_path, data, record) == 0
+    assert capsys.readouterr().out.count("delays hold") == 2
+    cert = data["certificate"]["float32"]
+    cert["widths"] = [0.003 * (1 + 1e-9), *cert["widths"][1:]]
+    with pytest.raises(SystemExit, match="row 0"):
+        checker.main(tmp_path, data, record)
 
 
 @pytest.mark.parametrize("pattern, new", [
