@@ -45,8 +45,8 @@ def check(plant, modes, t, cert: dict) -> list[str]:
     check_ranges({"x": plant.limits("x"), "x0": (plant.x0_lo, plant.x0_hi)}, told)
     check_framers(modes, told, cert["told"])
     first, *others = mode_certificate.check(plant, t, cert)
-    turned = ("" if told.change is None else "; they are those of z = Z x, of which those of x are made, and begin with "
-              "what Z makes of x where a switch within a period is possible")
+    turned = ("" if told.change is None else "; they are those of z = Z x, of which those of x are made, and begin "
+              "with what Z makes of x where a switch within a period is possible")
     return [first,
             "framers are kept for every mode that is possible, with nonnegative step matrices or opposite bounds where "
             "they are negative; the framers of a mode hold the state for as long as it is the true one: what rounded "

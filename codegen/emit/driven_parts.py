@@ -111,7 +111,8 @@ def given(spec: MapSpec | Varying, p: str) -> MapSpec | Varying:
     """The same map, of what is held for one mode; the name of its cut is another, as boxes are cut too."""
     own = spec.spec if isinstance(spec, Varying) else spec
     own = replace(own, parameters=tuple(text.replace(f"{p}_state", f"{p}_held") for text in own.parameters),
-                  index="s->mode" if own.selector == "s->mode" else own.index, tail=tuple(text.replace(f"{p}_cut(", f"{p}_cut_x(") for text in own.tail))
+                  index="s->mode" if own.selector == "s->mode" else own.index,
+                  tail=tuple(text.replace(f"{p}_cut(", f"{p}_cut_x(") for text in own.tail))
     return replace(spec, spec=own) if isinstance(spec, Varying) else own
 
 

@@ -73,7 +73,8 @@ def specs(family: str, t, names: Names, x, y) -> tuple[MapSpec, MapSpec | Varyin
           "minus": ""}
     blind_read, blind_to = read, to
     if t.change is not None:  # blind moves x, forward z
-        blind_read, blind_to = "out->x" if family == "interval" else "s->x", to | {"target_lo": "s->x_lo", "target_hi": "s->x_hi"}
+        blind_read = "out->x" if family == "interval" else "s->x"
+        blind_to = to | {"target_lo": "s->x_lo", "target_hi": "s->x_hi"}
         to = to | {"rows": z_rows(t)}
         cut, blind_tail = ((f"{p}_cut_z(s->z_lo, s->z_hi);", f"{p}_to_x(s);"),
                            (f"{p}_cut(s->x_lo, s->x_hi);", f"{p}_to_z(s);"))

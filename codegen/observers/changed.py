@@ -1,7 +1,7 @@
 """Steps of framers whose mode nobody tells, in other coordinates: those of z = Z x move, those of x follow from them.
 
-Without a measurement it is the other way round. Framers of x may be cut to other bounds, or start from them, between two
-steps: those of z are what Z makes of x then, and no wider than they were where nothing but cuts was done. Where the
+Without a measurement it is the other way round. Framers of x may be cut to other bounds, or start from them, between
+two steps: those of z are what Z makes of x then, and no wider than they were where nothing but cuts was done. Where the
 tables change no coordinates there is no z, and these are the steps of ``framer``.
 """
 

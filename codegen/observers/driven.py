@@ -11,8 +11,8 @@ they are where the mode is told (``tnl``; N = 0 for the classical observer), are
    by it, at every sample at which it is possible, and start from it where they did not live;
 4. they are cut to the estimator's boxes of their mode; empty: no hypothesis of mode q is left.
 
-Framers in other coordinates carry z = Z x beside x (``changed``): 1 moves both; where 3 or a start has made x anew, z is
-what Z makes of it; 4 cuts z to that, too.
+Framers in other coordinates carry z = Z x beside x (``changed``): 1 moves both; where 3 or a start has made x anew, z
+is what Z makes of it; 4 cuts z to that, too.
 
 So while no fault acts: where q is the true mode, its framers live and hold the state. Either the mode was active all
 through the last period: then it was true at the last sample, too, its framers held the state and its step carries it;

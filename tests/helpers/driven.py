@@ -34,7 +34,8 @@ DISCRETE = NO_FEED.replace('kind = "continuous"', 'kind = "discrete"').replace(
 NOISY = ("[-0.001, 0.002]", "[-0.02, 0.03]")
 #: Coordinates z = R x in which A - L C >= 0 in both modes; its second column has a negative entry, whatever L is.
 TURN = {"R": [[0.65, 1], [-1, -0.05]], "L": [[[0.829], [-0.516]], [[0.659], [-0.384]]]}
-TURNED = DISCRETE.replace("f = [{", 'theta = [{ name = "dirt", bounds = [0, 0.01], measured = false }]\nf = [{').replace(
+TURNED = DISCRETE.replace("f = [{", """theta = [{ name = "dirt", bounds = [0, 0.01], measured = false }]
+f = [{""").replace(
     "[[0.8, 0.2], [-0.1, 0.6]]", '[["0.5 + dirt", -0.5], [0.1, 0.95]]').replace(
     "[[0.8, 0.2], [0.1, 0.5]]", "[[0.4, -0.4], [0.2, 0.9]]").replace(
     "B = [[0.1], [0.05]]", "B = [[0.35], [-0.02]]").replace("B = [[0.1], [0.1]]", "B = [[0.25], [0.1]]").replace(

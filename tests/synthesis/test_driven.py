@@ -120,11 +120,11 @@ def test_other_coordinates_begin_anew_and_are_carried(monkeypatch):
     assert bad == 0 and np.mean(out.x_hi - out.x_lo) > 0.97 * np.mean(alone.x_hi - alone.x_lo)
 
 
-@pytest.mark.parametrize("part", ["d_hi", "M_hi", "Z", "X"])
+@pytest.mark.parametrize("part", ["d_hi", "Z", "X"])
 def test_other_coordinates_of_another_step_lose_the_truth(part):
     t = tables("turned", "float32")
     own, c = t.told, t.told.change
-    wrong = {"d_hi": {"d_hi": 0 * own.d_hi, "d_lo": 0 * own.d_lo}, "M_hi": {"M_hi": 0.8 * own.M_hi},
+    wrong = {"d_hi": {"d_hi": 0 * own.d_hi, "d_lo": 0 * own.d_lo},
              "Z": {"change": replace(c, Z=0.9 * c.Z)}, "X": {"change": replace(c, X=c.X[::-1])}}[part]
     assert lost("turned", replace(t, told=replace(own, **wrong)), "float32")[0] > 0
 

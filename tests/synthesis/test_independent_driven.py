@@ -210,7 +210,8 @@ def test_other_coordinates_the_whole_way(checker, tmp_path, capsys):
 
 @pytest.mark.parametrize("pattern, new", [
     (r"(_to_x\(valve_held[^}]*?\()(\d)", r"\g<1>1\2"), (r"(_to_z\(valve_held[^}]*?[-+] \()0\.", r"\g<1>1."),
-    (r"(_cut_z\(valve_real[^}]*?-)(\d)", r"\g<1>1\2"), (r"static void valve_to_z\(valve_held", "static void valve_z(valve_held")])
+    (r"(_cut_z\(valve_real[^}]*?-)(\d)", r"\g<1>1\2"),
+    (r"static void valve_to_z\(valve_held", "static void valve_z(valve_held")])
 def test_other_coordinates_of_the_c_are_read(pattern, new, checker):
     made = files(stand_in("turned"), "float32", "literal", measure=False)
     other, count = re.subn(pattern, new, made["valve.c"], count=1)
