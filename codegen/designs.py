@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from . import __version__
 from .analysis.detectability import surely_detected
 from .certify import (
@@ -251,6 +253,9 @@ def recheck(design: Design) -> dict[str, list[str]]:
     plant, proved = design.plant, {}
     for real, t in design.observer.tables.items():
         cert = design.certificate[real]
+        if design.observer.family == "interval" and np.any([t.N_hi, t.N_lo]):
+            raise CertificateError("certificate: N is not zero in tables of a step that does not read the measurement "
+                                   'of the next sample (family "interval"). Design again.')
         proved[real] = claims_of(plant, t, cert)
         check_ranges(limits(plant), t)
         check_monitor(design.observer.supervision, cert)

@@ -57,6 +57,8 @@ def check_joint(t) -> None:
     """
     told = t.told
     check_shared(t)
+    if told.change is not None:
+        raise CertificateError("certificate: framers in other coordinates, expected those of x.")
     if told.vary is not None and told.vary.parameters:
         raise CertificateError("certificate: the framers measure parameters, expected none.")
     if np.any(t.x_lo != told.x_lo) or np.any(t.x_hi != told.x_hi):

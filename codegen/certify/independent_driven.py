@@ -48,10 +48,10 @@ def middle_mode(p, most):
 
 
 def check_told(t, cert, plant):
-    """The framers of every mode; modes that are told late, or other coordinates, are none of theirs."""
+    """The framers of every mode, those of z where coordinates are changed; modes told late are none of theirs."""
     given, boxes, signals, h, late = plant
     told = t["told"]
-    demand(not late and "change" not in told, "framers in other coordinates, or for modes told late")
+    demand(not late, "framers for modes told late")
     if "vary" in told:
         lpv.check_framers(told, cert["told"], given, boxes, signals, h, late, True)
         return
@@ -89,9 +89,10 @@ def check_joint(t):
 def check_source(text, header, t, prefix):
     """The C: functions of the framers hold their numbers, all the others are those of an estimator."""
     told, bare = t["told"], re.sub(r"/\*.*?\*/", "", text, flags=re.S)
-    names = r"(?:(?:forward|blind)(?:_\w+)?|cut_x|theta_accepted)"
+    names = r"(?:(?:forward|blind)(?:_\w+)?|cut_[xz]|to_[xz]|theta_accepted)"
     own = functions(bare, prefix, names)
-    demand(all(f"{prefix}_{name}(" in own for name in ("forward", "blind")), "the maps of the framers are missing")
+    needed = ("forward", "blind", *("to_x", "to_z") * ("change" in told))
+    demand(all(f"{prefix}_{name}(" in own for name in needed), "the maps of the framers are missing")
     (lpv.check_source if "vary" in told else plain.check_source)(own, told)
     if "vary" in told:
         bounds = numbers(functions(bare, prefix, "theta_accepted"), t["real"])

@@ -24,6 +24,7 @@ def check_joint(t):
     """Ranges of both; no parameters, no change of coordinates."""
     told = t["told"]
     driven.check_ranges(t)
+    demand("change" not in told, "framers in other coordinates")
     demand(not any(map(len, told.get("vary", {}).get("theta_lo", []))), "measured parameters")
     demand(t["x_lo"] == told["x_lo"] and t["x_hi"] == told["x_hi"], "another range of x than that of the framers")
 

@@ -313,6 +313,12 @@ def fixed_gains(plant: Plant, name: str, options: dict, within: int) -> Trial:
         if value is None and key[0] == "N":
             value = np.zeros(shape)
         gains[key] = array(plant, key, value, shape)
+    reads_next = METHODS[name].family_for(plant) == "tnl" or not plant.switching.known
+    if np.any([gains["N_hi"], gains["N_lo"]]) and (not reads_next or "R" in known):
+        raise DesignError(f'{plant.name}: observer.gains.N is not zero, but the step of '
+                          + ("framers in other coordinates" if "R" in known else f'method "{name}"')
+                          + ' does not read the measurement of the next sample. Leave N out, or use method '
+                          '"tnl-interval" or "tnl-interval-lpv".')
     proof = {"kind": "none"}
     if "lambda" in options and ("P" in given or "P_hi" in given):
         proof = given_proof(plant, given, options)

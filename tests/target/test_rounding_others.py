@@ -21,7 +21,7 @@ from codegen.certify.sets import SetDemands
 from codegen.designs import read_design
 from codegen.observers.descriptor import of_pivots
 from codegen.observers.filter import add_terms
-from codegen.observers.framer import open_loop, propagate, scheduled
+from codegen.observers.framer import open_loop, propagate, scheduled, to_x, to_z
 from codegen.observers.mode_set import ModeSet, affine, image
 from codegen.observers.point import blind, forward, residual
 from codegen.observers.polytopic_step import evaluate as evaluate_program
@@ -208,6 +208,12 @@ def test_script_of_driven_framers_is_about_the_sums_of_the_reference(plant, real
     values |= {f"s_{v}_{j}": a for v, row in (("x_lo", lo), ("x_hi", hi), ("u", u), ("y", y)) for j, a in
                enumerate(row[0])}
     values |= {f"frame_m_{j}": a for j, a in enumerate(np.maximum(-lo, hi)[0])}
+    uncut, z = replace(told, clamp=False, x_lo=told.x_lo - np.inf, x_hi=told.x_hi + np.inf), None
+    if told.change is not None:
+        c = told.change
+        z = tuple(np.sort(rng.uniform(-c.box, c.box, (2, 1, len(c.box))), axis=0).astype(real))
+        values |= {f"s_z_{side}_{j}": a for side, row in zip(("lo", "hi"), z) for j, a in enumerate(row[0])}
+        uncut = replace(uncut, change=replace(c, z_lo=c.z_lo - np.inf, z_hi=c.z_hi + np.inf))
     theta = np.zeros((1, 0), dtype=real)
     if told.vary is not None and told.vary.parameters:
         theta = rng.uniform(told.vary.theta_lo[:1], told.vary.theta_hi[:1]).astype(real)
@@ -220,13 +226,14 @@ def test_script_of_driven_framers_is_about_the_sums_of_the_reference(plant, real
     below, above = image(t.S_rounded, lo[0], hi[0], np.zeros(len(t.S), real))
     own = {f"narrowed_{side}_{i}": v for side, row in (("lo", below - t.xi_room), ("hi", above + t.xi_room))
            for i, v in enumerate(row)}
-    uncut = replace(told, clamp=False, x_lo=told.x_lo - np.inf, x_hi=told.x_hi + np.inf)
     for q in range(design.plant.n_modes):
         p = np.array([q])
-        for which, sides in (("forward", propagate(uncut, p, lo, hi, u, y, y_next, theta)),
-                             ("blind", open_loop(uncut, p, lo, hi, u))):
+        for which, sides in (("forward", propagate(uncut, p, lo, hi, u, y, y_next, theta, z)),
+                             ("blind", open_loop(uncut, p, lo, hi, u)),
+                             *((("to_x", to_x(uncut, *z)), ("to_z", to_z(uncut.change, lo, hi))) if z else ())):
             own |= {f"{which}_{side}_{i}_mode_{q}": v for side, row in zip(("lo", "hi"), sides)
                     for i, v in enumerate(row[0]) if f"{prefix}_{which}_{side}_{i}_mode_{q}" in names}
+    assert z is None or sum(name.startswith("to_") for name in own) == 8
     assert sum(name.startswith("forward") for name in own) > 4 and sum(name.startswith("blind") for name in own) >= 4
     known = {f"{prefix}_{name}" for name in (*expected, *own)}
     assert known <= set(names) and all(re.search(r"_(theta|L|residual)_", name) for name in set(names) - known)
