@@ -11,7 +11,7 @@ from .follower_parts import InnerView, Struct, whole
 from .layouts import lay_out
 from .manual import Bit
 from .maps import MapSpec, Names
-from .parts import Field, Operations, Parts
+from .parts import Cut, Field, Operations, Parts
 from .render import render
 from .sliding_parts import SlidingView
 from .varying import Varying, lay_out_varying
@@ -19,9 +19,10 @@ from .varying import Varying, lay_out_varying
 
 @dataclass(frozen=True)
 class GuidedView(SlidingView):
-    """Beside the estimator's: the inner C of the framers."""
+    """Beside the estimator's: the inner C of the framers, and the cuts in it."""
 
     told: str
+    cuts: tuple[Cut, ...]
 
 
 def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts:
@@ -44,7 +45,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     """
     m, real, (x, u, y, _) = names.macro, names.real_type, signals
     own = sliding_parts.parts("sliding", t, s, names, signals, layout)
-    inner = replace(names, prefix=f"{names.prefix}_told", checked=True)
+    inner = inner_names(names)
     views = tuple((lay_out_varying if isinstance(spec, Varying) else lay_out)(spec, layout)
                   for spec in maps(t.told, inner, x, y))
     numbers, words, kept = sliding_parts.members(t, names)
@@ -59,11 +60,17 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
                          for c, stem in zip(y, macro_names((c.name for c in y), ["TWICE", "CROSSED"]))),
             Bit("CROSSED", f"0x{2 << len(y):X}U", "a lower bound in out->mode above the upper one"))
     reals = 2 * t.sizes[0] * t.sizes[1] + 2 * len(x) + len(kept)
-    c = render("framers.c.jinja", d=_inner(views, t, inner, names.prefix, len(u), layout)).rstrip("\n")
+    d = _inner(views, t, inner, names.prefix, len(u), layout)
+    c = render("framers.c.jinja", d=d).rstrip("\n")
     return replace(own, header="guided.h.jinja", bits=bits, out_fields=tuple(Field(*f) for f in out_fields(names)),
                    state=state_layout(names, s, len(bits), numbers + more, reals, kept, words),
                    operations=own.operations + operations(views, t),
-                   sets=(GuidedView(**vars(own.sets[0]), told=c),))
+                   sets=(GuidedView(**vars(own.sets[0]), told=c, cuts=d.cuts),))
+
+
+def inner_names(names: Names) -> Names:
+    """Names of the inner C, which is given a mode that has been checked."""
+    return replace(names, prefix=f"{names.prefix}_told", checked=True)
 
 
 def maps(told, inner: Names, x, y) -> tuple[MapSpec | Varying, ...]:

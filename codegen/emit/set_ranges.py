@@ -154,6 +154,14 @@ def pairs(t, members: dict[str, str]) -> Ranges:
     return Ranges({}, words | dict.fromkeys(("fresh", "armed", "refuted"), 2 ** count - 1), (), kept)
 
 
+def guided(t, members: dict[str, str]) -> Ranges:
+    """The same, and bounds that are those of framers within the range of x, or else the estimator's; last sample."""
+    own, most = pairs(t, members), np.maximum(t.limit, t.told.box)
+    return Ranges(own.numbers, own.words, own.about, own.kept | dict.fromkeys(("told_lo", "told_hi"), (-most, most)) | {
+        f"told_{name}": (np.minimum(lo, 0), np.maximum(hi, 0)) for name, lo, hi in (  # zero is what init stores
+            ("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi))})
+
+
 def bank(t, members: dict[str, str]) -> Ranges:
     """States and averages, with which all observers start anew beyond their limits; the last measurement; counts."""
     return Ranges({}, {"left": t.keep, "wait": max(t.settle, t.begin), "credit": t.credit}, (),
@@ -224,4 +232,4 @@ def _origin(t) -> dict:
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "starts": thresholds, "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
           "mode": modes, "driven": driven, "follower": follower, "polytopic": polytopic, "descriptor": polytopic,
-          "sliding": pairs, "bank": bank}
+          "sliding": pairs, "guided": guided, "bank": bank}

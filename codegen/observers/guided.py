@@ -63,7 +63,6 @@ class GuidedObserver(SlidingObserver):
 
     family = "guided"
     tables_class = GuidedTables
-    stated = False
 
     def bits(self, t: GuidedTables) -> int:
         """Alarm bits: the estimator's, one per output, crossed bounds."""
