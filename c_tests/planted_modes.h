@@ -46,7 +46,7 @@ static void plant(bench *b, uint32_t what)
 #if CASE_GUIDED
     if (what == 3U)
     {
-        b->s.age = draw((2U * M(BLANK)) + 3U);
+        b->s.age = (draw(4U) == 0U) ? M(OLDEST) : draw((2U * M(BLANK)) + 3U);
         b->s.decided = draw(M(MODES));
         plant_framers(&b->s, draw);
         for (uint32_t i = 0U; i < M(NX); i++)
