@@ -37,9 +37,9 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
     yield "the framers of a mode hold the state", lambda text: build(
         "framers", text, (*plant, *sliding_claims.PLANT),
         "A step of the mode that is decided for carries every state between its framers: entries of M are nonnegative "
-        "or take the opposite bound, each offset and radius reaches beyond disturbance, noise and rounding; c alike, so "
-        "that y is within its bounds. The framers begin at the declared range whenever the estimator's bounds do, and "
-        "are cut to these, which hold the state under the same condition.",
+        "or take the opposite bound, each offset and radius reaches beyond disturbance, noise and rounding; c alike, "
+        "so that y is within its bounds. The framers begin at the declared range whenever the estimator's bounds do, "
+        "and are cut to these, which hold the state under the same condition.",
         "M >= 0 elementwise, or the bound that its sign asks for; d_hi >= max[T Bw w - L Dv v - N Dv v+ + (T A - L C - "
         "M) x + (T B - L D - G) u] + rounding of inputs and sums; mirrored for d_lo; a alike for x+ = A x + B u + Bw "
         "w, c for y = C x + D u + Dv v; ranges of x, u and y within those of the framers",

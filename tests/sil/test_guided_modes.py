@@ -6,7 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
-from helpers.folders import CLANG, CXX, GCC, built, compile_, write
+from helpers.folders import CLANG, CXX, built, compile_, write
 from helpers.guided import stand_in
 from helpers.small_sliding import stand_in as alone
 from helpers.tools import need
@@ -18,10 +18,9 @@ from codegen.observers import Supervision
 GUARDED = Supervision(debounce=(2, 3), latch=False, recover=4, hold=3)
 
 
-@pytest.mark.parametrize("name, real, layout, supervision", [
-    ("one input", "float64", "literal", GUARDED), ("no input, two outputs", "float32", "loop", None)])
-def test_c_equals_the_reference(name, real, layout, supervision, tmp_path):
-    design = stand_in(name, supervision)
+def test_c_equals_the_reference(tmp_path):
+    """Without inputs; one with an input is in the gallery."""
+    design, real, layout = stand_in("no input, two outputs", GUARDED), "float32", "loop"
     u, y, q = signals(design, real, 9, 45)
     reference = design.observer.run_many(u, y, q, real)
     driver = built(design, tmp_path, real, layout)
@@ -82,10 +81,7 @@ def test_compilers_and_header(tmp_path):
     folder = write(stand_in("no input, two outputs"), tmp_path / "c", "float32", "literal")
     compile_(["clang", *CLANG, "-O1", "-c", "valve.c", "-o", "valve.o"], folder)
     assert compile_(["nm", "-u", "valve.o"], folder) == ""
-    compile_(["gcc", *GCC, "-O1", "-c", "valve.c"], folder)
     compile_(["g++", *CXX, "-c", "valve.c", "-o", "valve.oo"], folder)
-    compile_(["gcc", "-O1", "-ffp-contract=off", "valve.c", "test_valve.c", "-o", "good"], folder)
-    compile_(["./good"], folder)
     header = " ".join((folder / "valve.h").read_text().replace("\n *", " ").split())
     assert "out->assured is 0 at every sample" in header and "a decision that is not right (yet)" in header
     assert "#define VALVE_BIT_B 0x4U" in header and "#define VALVE_BIT_CROSSED 0x8U" in header
