@@ -155,11 +155,16 @@ def pairs(t, members: dict[str, str]) -> Ranges:
 
 
 def guided(t, members: dict[str, str]) -> Ranges:
-    """The same, and bounds that are those of framers within the range of x, or else the estimator's; last sample."""
+    """The same, and bounds that are those of framers within the range of x, or else the estimator's; last sample.
+
+    Zero is what init and reset store of that.
+    """
     own, most = pairs(t, members), np.maximum(t.limit, t.told.box)
-    return Ranges(own.numbers, own.words, own.about, own.kept | dict.fromkeys(("told_lo", "told_hi"), (-most, most)) | {
-        f"told_{name}": (np.minimum(lo, 0), np.maximum(hi, 0)) for name, lo, hi in (  # zero is what init stores
-            ("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi))})
+    last = [("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi)]
+    last += [("theta", t.vary.theta_lo[0], t.vary.theta_hi[0])] if t.vary else []
+    kept = own.kept | dict.fromkeys(("told_lo", "told_hi"), (-most, most))
+    kept |= {f"told_{name}": (np.minimum(lo, 0), np.maximum(hi, 0)) for name, lo, hi in last}
+    return Ranges(own.numbers, own.words, own.about, kept)
 
 
 def bank(t, members: dict[str, str]) -> Ranges:

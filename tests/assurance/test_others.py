@@ -32,7 +32,7 @@ CASES += [(f"sliding: {name}", layout) for name, layout in (("one input", "loop"
 KINDS = [(*case, real) for case in CASES for real in ("float32", "float64")]
 KINDS += [("follower: box", "loop", "float64"), ("follower: ellipsoid", "table", "float32"),
           ("follower: trace", "literal", "float64"), ("follower: table", "loop", "float32"),
-          ("guided: one input", "table", "float32"), ("guided: no input, two outputs", "loop", "float64")]
+          ("guided: parameters", "table", "float32"), ("guided: no input, two outputs", "loop", "float64")]
 folders = pytest.mark.parametrize("folder", OTHERS, ids=lambda f: f.name)
 
 
@@ -118,9 +118,10 @@ CHANGED = {
         ("_SHARE 0.8F", "_SHARE 0.7F"), ("#define ZAMMALI_MODES_SMOOTH 0.5F", ""), ("_TURN 51.3125F", "_TURN 51.3125"),
         ("#define ZAMMALI_MODES_PULL", "#define else\n#define ZAMMALI_MODES_PULL"), ("root = 0.5F *", "root = 0.25F *"),
         ("(most + v_hi[i])", "(most - v_hi[i])"), ("s->age == ZAMMALI_MODES_BLANK", "s->age != ZAMMALI_MODES_BLANK")),
-    "guided: one input": (
+    "guided: parameters": (
         ("held.mode = out->mode;", "held.mode = 0U;"), ("kept && (own.x_lo[i] > out", "(own.x_lo[i] > out"),
-        ("(k[4] * s->x_lo[1])", "(k[4] * s->x_hi[1])"), ("(uint32_t)2U << i", "(uint32_t)1U << i"),
+        ("+ (M_1_1 * s->x_lo[1]) - apart_1", "+ (M_1_1 * s->x_hi[1]) - apart_1"),
+        ("= s->told_theta[0];", "= in->theta[0];"), ("(uint32_t)2U << i", "(uint32_t)1U << i"),
         ("valve_told_clip(x_lo[1], -", "valve_told_clip(x_lo[1], "), ("if (value < least)", "if (value > least)"),
         ("typedef valve_real valve_told_real;", "typedef double valve_told_real;")),
     "follower: box": (

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from helpers.folders import CLANG, CXX, built, compile_, write
 from helpers.guided import stand_in
+from helpers.small_modes import exact_course
 from helpers.small_sliding import stand_in as alone
 from helpers.tools import need
 from sil.test_sliding import signals
@@ -62,6 +63,26 @@ def test_mutants_are_noticed(name, reference, tmp_path):
     assert text.count(old) >= 1
     (folder / "valve.c").write_text(text.replace(old, new))
     assert build(folder).run_many(u, y, q).differs(expected)
+
+
+PARAMETERS = {"as it is": ("", ""), "last parameter forgotten": ("= s->told_theta[0];", "= in->theta[0];"),
+              "bounds of a parameter not looked at": ("if ((status == VALVE_OK) && (!valve_theta_accepted(in)))",
+                                                      "if ((status != VALVE_OK) && (!valve_theta_accepted(in)))")}
+
+
+@pytest.mark.parametrize("name", PARAMETERS)
+def test_parameters_reach_the_framers(name, tmp_path):
+    """One that is measured, one that is not; some beyond their bounds."""
+    design = stand_in("parameters", GUARDED)
+    runs = [exact_course(design.plant, 40, 45, seed, seed % 2) for seed in (4, 5)]
+    u, y, q, theta = (np.stack([getattr(run, k) for run in runs]).reshape(2, 45, -1) for k in ("u", "y", "q", "theta"))
+    theta[1, 30] *= 50
+    expected = design.observer.run_many(u, y, q[..., 0], "float32", theta=theta)
+    folder = write(design, tmp_path / "c", "float32", "literal")
+    text, (old, new) = (folder / "valve.c").read_text(), PARAMETERS[name]
+    assert old in text and set(np.unique(expected.status)) == {0, 4}
+    (folder / "valve.c").write_text(text.replace(old, new))
+    assert bool(build(folder).run_many(u, y, q[..., 0], theta=theta).differs(expected)) == bool(old)
 
 
 def test_the_decision_is_that_of_the_estimator_until_an_alarm(reference):
