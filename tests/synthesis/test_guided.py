@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import lru_cache
 
 import numpy as np
@@ -19,14 +19,16 @@ from codegen.analysis import sliding_measure
 from codegen.analysis.mode_promise import unbound
 from codegen.analysis.validate import judge
 from codegen.certify import guided_certificate
-from codegen.designs import claims_of, read_checked
+from codegen.designs import claims_of, read_checked, read_design
 from codegen.emit import firmware
 from codegen.emit.cprint import literal
 from codegen.errors import CertificateError, DesignError
-from codegen.observers import GuidedObserver, GuidedTables, SlidingObserver, Supervision
+from codegen.observers import GuidedObserver, GuidedTables, SlidingObserver, SlidingTables, Supervision
 from codegen.plant.load import loads
 from codegen.report.design_words import words_of
+from codegen.synthesis import mode_sliding
 
+GALLERY = CHECKER.parents[2] / "generated" / "valve_sliding_lpv-interval"
 NAMES, RUNS, STEPS = ("one input", "no input, two outputs"), 4, 80
 
 
@@ -148,6 +150,16 @@ def test_tampering_is_caught(place, words):
         claims_of(designed().plant, GuidedTables.from_dict(data), designed().certificate["float32"])
 
 
+def test_an_estimator_alone_bears_parameters():
+    """As bounded unknowns: wider ones are not in its offsets."""
+    kept = read_design(GALLERY)
+    t, cert = kept.observer.tables["float32"], kept.certificate["float32"]
+    own = SlidingTables(**{f.name: getattr(t, f.name) for f in fields(SlidingTables)})
+    assert mode_sliding.inapplicable(kept.plant) is None and len(claims_of(kept.plant, own, cert)) == 6
+    with pytest.raises(CertificateError, match="not far enough"):
+        claims_of(loads(kept.plant.text.replace("[-0.1, 0.1], rate", "[-0.15, 0.15], rate")), own, cert)
+
+
 @pytest.mark.parametrize("old, new, words", [
     ("known = false", "known = true", "observer.modes says how the mode is found"),
     ("minimum_dwell = 1", "", "cannot be found there: no dwell time is declared"),
@@ -196,9 +208,6 @@ def test_the_checker_refuses_what_is_false(key, factor, words, checker):
     with pytest.raises(SystemExit, match=f"refused.*{words}"):
         checker.check_joint(data)
         checker.driven.check_told(data, designed().certificate["float32"], checker.read_plant(CHOSEN))
-
-
-GALLERY = CHECKER.parents[2] / "generated" / "valve_sliding_lpv-interval"
 
 
 @pytest.mark.parametrize("old, new, words", [
