@@ -36,11 +36,12 @@ from .observers import (
     Runner,
     SlidingTables,
     Supervision,
+    TrailingTables,
 )
 from .plant.bounded import bounded
 from .plant.load import loads
 from .plant.model import Plant
-from .selection import bank_claims, filter_designs, polytopic_designs, tracking_designs
+from .selection import bank_claims, filter_designs, polytopic_designs, tracking_designs, trailing_claims
 
 FORMAT = 1
 
@@ -206,6 +207,8 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
         return driven_certificate.check(bounded(plant), plant.observed.modes, t, cert)
     if isinstance(t, FollowerTables):
         return follower_certificate.check(plant, t, cert)
+    if isinstance(t, TrailingTables):
+        return trailing_claims.check(plant, t, cert)
     if isinstance(t, ModeTables):
         return mode_certificate.check(bounded(plant), t, cert)
     if isinstance(t, GuidedTables):

@@ -115,7 +115,9 @@ def check_source(text, header, t, prefix):
 
 
 def main(folder, design, record):
-    """Check a folder; status 2: what is driven are no framers."""
+    """Check a folder; filters are handed over; status 2: what is driven is neither."""
+    if any("E" in t["told"] for t in design["tables"].values()):
+        return __import__("independent_trailing").main(folder, design, record)
     if any("shape" in t["told"] for t in design["tables"].values()):
         return 2
     plant, known = read_plant(design["plant"]["toml"]), None
