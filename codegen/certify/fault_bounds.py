@@ -23,8 +23,8 @@ from flint import fmpq
 
 from .exact import Q, eye, product, rational, zeros
 from .filter_model import JointMode
-from .polytope_error import standard_errors
-from .polytope_ranges import columns, middle
+from .polytope_error import of_faults, standard_errors
+from .polytope_ranges import Ranges, columns
 from .polytope_rounding import rounding
 from .program_error import program_errors
 from .rounding import input_error
@@ -103,11 +103,12 @@ def model(plant, problem, t, T1: Array, period: float | None, bend: Array) -> tu
     errors, off = standard_errors(tied, held, T1, period), slips(t, plant.polytope.premises)
     slip = rounding(t, off.size)
     F, K, C, T2, G, known = (rational(getattr(t, key)) for key in ("F", "K", "C", "T2", "G", "known"))
-    x, inputs, d = ranges(plant, problem)
+    box = Ranges.of(plant, problem)
+    x, inputs, d = box.x, box.u, box.d
     width = problem.B.shape[2]
     passed = eye(p) - product(C, T2)
     seen = errors.residual.copy()
-    seen[:, n:2 * n] -= rational(problem.C) - C  # what the faults are in y
+    seen[:, n:2 * n] -= of_faults(problem, t.faults)
     noise = [passed * slip.y, C * slip.x_hat, np.diag(slip.r) if p else zeros(0, 0)]
     room = abs(columns([(seen[:, n:2 * n], x), (seen[:, 2 * n:2 * n + width], inputs), (seen[:, 2 * n + width:], d)],
                        noise)).sum(axis=1)
@@ -125,21 +126,6 @@ def model(plant, problem, t, T1: Array, period: float | None, bend: Array) -> tu
         W = columns([(A[:n, n:], x), (B[:n, :width], inputs), (B[:n, width:], d)], own)
         out.append(JointMode(A[:n, :n], W, (), seen[:, :n], zeros(p, n), room))
     return tuple(out), product(errors.T1[0], rational(problem.E))
-
-
-def ranges(plant, problem) -> tuple:
-    """Middle and half width of (x, f), of (u, g) and of (w, v, f), the latter two in their units.
-
-    Parameters
-    ----------
-    plant : Plant
-        Its x holds states and faults.
-    problem : DescriptorProblem
-    """
-    known = [np.array([getattr(g, end) for g in plant.polytope.known], dtype=float) for end in ("lo", "hi")]
-    u = [np.concatenate(ends) for ends in zip(plant.limits("u"), known)]
-    d = [np.concatenate(ends) for ends in zip(plant.limits("w"), plant.limits("v"), plant.limits("f"))]
-    return middle(*plant.limits("x")), middle(*u, problem.u_unit), middle(*d, problem.d_unit)
 
 
 def spoken(t) -> list[Array]:

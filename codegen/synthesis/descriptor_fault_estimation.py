@@ -39,13 +39,16 @@ from ..errors import DesignError
 from . import fault_problem
 from .descriptor_gains import StandardGains, rounded
 from .descriptor_lmi import MARGIN, Bounds, assembled, he, minus, solve
-from .descriptor_problem import TOLERANCE, Scaling
+from .descriptor_problem import CALIBRATED, TOLERANCE, Scaling
 from .fault_problem import FaultProblem, told, unmoved
 
 Array = np.ndarray
+#: Options of bounds where the weights are at the estimate: rows of the set, how far apart the weights may be,
+#: thresholds from simulated runs.
+AT_ESTIMATE = {"set_rows": (4, 400), "mismatch": ("bounded", "any"), **CALIBRATED}
 #: Options of ``[observer]``: decay rate (1/s; per sample of a discrete plant), bound of the gains in the units of
 #: the design, delay of sure alarms.
-OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "within": (0, 50)}
+OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "within": (0, 50), **AT_ESTIMATE}
 #: Entries below that, in the units of the design, are what a solver leaves of zeros.
 NOTHING = 1e-9
 #: Error of the model that the level counts beside d, as a share of a step.
