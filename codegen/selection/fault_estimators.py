@@ -82,7 +82,8 @@ def propose(plant: Plant, method: str, options: dict) -> FaultProposal:
     Raises
     ------
     DesignError
-        No observer exists within the bounds.
+        No observer exists within the bounds, or none with a bound: something is slower than the decay asked for, and
+        the weights are not the plant's.
     """
     problem, s = fault_problem(plant)
     unread = [key for key in AT_ESTIMATE if key in options]
@@ -93,6 +94,14 @@ def propose(plant: Plant, method: str, options: dict) -> FaultProposal:
     step = None if period is None else period * s.time
     decay = float(options["decay"]) / s.time if "decay" in options else default_decay(in_units(problem, s), step)
     found = design(in_units(problem, s), Bounds(float(options.get("gain", GAIN)), decay, step))
+    if found.slow and not problem.tied:
+        name, mode = found.slow[0]
+        rate = "/s" if period is not None else " per sample"
+        raise DesignError(f"{plant.name}: {name} move together by a mode of {mode * s.time:.4g}{rate} that no observer "
+                          "changes (found), slower than the decay asked for, and the weights are not the plant's: what they are "
+                          "wrong by adds up along it, so that there is no bound worth the name. Schedule on exact "
+                          "outputs, measure more or take a fault out; codegen.synthesis has the observer for use "
+                          "without bounds.")
     return FaultProposal(problem, s, found, period)
 
 
