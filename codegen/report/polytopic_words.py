@@ -118,14 +118,14 @@ def fault_facts(design, real: str) -> tuple[Fact, ...]:
                "those of the plant")
     level = ()
     if "energy" in cert:
-        weights = (f"{len(plant.polytope.vertices)} vertices, at the estimate: the proof is for all weights of plant and "
-                   "observer, however they move; a sensor's fault does not move them, as the estimate of x is without it")
+        weights = (f"{len(plant.polytope.vertices)} vertices, at the estimate, which a sensor's fault does not move: "
+                   "the proof is for all weights of plant and observer, however they move")
         level = (Fact("Energy gain from inputs, disturbances and faults to the error of the faults",
                       f"certified {words.at_most(cert['level'], 4)} on the constants of the C; the solver claimed "
                       f"{words.number(cert['claimed'], 4)} before rounding"),)
-    bounds = ("guaranteed, with and without faults: y − C x_hat is what the faults do to y, and no further from it than "
-              "r_bound; the error is followed over every input, disturbance and weight within the declared ranges, "
-              "with the rounding of the C")
+    bounds = ("guaranteed, with and without faults: y − C x_hat is what the faults do to y, and no further from it "
+              "than r_bound; the error is followed over every input, disturbance and weight within the declared "
+              "ranges, with the rounding of the C")
     return (Fact("Estimated", f"{words.count(plant.n_f, 'fault')} behind the states in x_hat, however they move: no "
                  "model of a fault is part of the observer"),
             Fact("Weights", weights), *level,

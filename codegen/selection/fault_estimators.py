@@ -98,9 +98,9 @@ def propose(plant: Plant, method: str, options: dict) -> FaultProposal:
         name, mode = found.slow[0]
         rate = "/s" if period is not None else " per sample"
         raise DesignError(f"{plant.name}: {name} move together by a mode of {mode * s.time:.4g}{rate} that no observer "
-                          "changes (found), slower than the decay asked for, and the weights are not the plant's: what they are "
-                          "wrong by adds up along it, so that there is no bound worth the name. Schedule on exact "
-                          "outputs, measure more or take a fault out; codegen.synthesis has the observer for use "
+                          "changes (found), slower than the decay asked for, and the weights are not the plant's: what "
+                          "they are wrong by adds up along it, so that there is no bound worth the name. Schedule on "
+                          "exact outputs, measure more or take a fault out; codegen.synthesis has the observer for use "
                           "without bounds.")
     return FaultProposal(problem, s, found, period)
 

@@ -272,8 +272,8 @@ def test_plants_without_an_observer_are_told_why(pairs, message):
 def test_an_algebraic_state_needs_a_sound_sensor_and_known_terms_something_exact():
     reason = inapplicable(load("bioreactor"))
     assert "rank [E; C] of states and faults is 6, expected 7" in reason and "growth" in reason
-    noisy = changed(('f = [\n  { name = "biomass s', 'v = [{ name = "n", bounds = [-0.1, 0.1] }]\nf = [\n  { name = '
-                     '"biomass s'), ("[0, 0, 0]]\n\n[nonlinear]", "[0, 0, 0]]\nDv = [[0], [0], [0], [1]]\n\n[nonlinear]"))
+    noisy = changed(("\n[initial]", 'v = [{ name = "noise", bounds = [-0.1, 0.1] }]\n[initial]'),
+                    ("[0, 0, 0]]\n\n[non", "[0, 0, 0]]\nDv = [[0], [0], [0], [1]]\n\n[non"))
     with pytest.raises(PlantError, match="reads growth, which the observer does not know exactly"):
         loads(noisy)
     assert inapplicable(load("disc_points")) is not None
