@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
 from flint import fmpq
-from helpers.folders import built
+from helpers.folders import built, write
 from helpers.tools import need
 
 from codegen.analysis.calibration import Population, fault_free_runs
@@ -29,6 +30,8 @@ from codegen.selection.polytopic_designs import about, check
 from codegen.synthesis.descriptor_fault_estimation import design, gains_of
 from codegen.synthesis.descriptor_lmi import Bounds
 from codegen.synthesis.fault_problem import fault_problem, in_units, inapplicable, told, unmoved
+from codegen.target.gappa import prove_rounding
+from codegen.target.prove import prove
 
 DAY = 86400.0
 METHOD = "descriptor-fault-estimation"
@@ -160,6 +163,20 @@ def test_claims_are_stated_with_their_margins_and_are_not_said_to_be_checked_apa
                                                      made.observer.supervision))
     with pytest.raises(CertificateError, match="residual 0 reaches"):
         claims(wrong, "float32")
+
+
+def test_the_c_is_proved_and_its_rounding_confirmed(tmp_path):
+    need("frama-c")
+    need("gappa")
+    folder = write(tank(), tmp_path / "out")
+    result = prove(folder)
+    assert result.proved and result.coverage >= 99, result.alarms
+    script = folder / "rounding_tank.g"
+    rounded = prove_rounding(folder)
+    assert rounded.proved and rounded.rows == 13
+    text = script.read_text()
+    script.write_text(re.sub(r"(exact_tank_move_0\| <= )\S+", r"\g<1>0x1.0p-40", text))
+    assert script.read_text() != text and not prove_rounding(folder).proved
 
 
 def test_calibrated_where_that_is_asked_for():
