@@ -47,17 +47,14 @@ def slips(t, premises=()) -> Slips:
     Parameters
     ----------
     t : PolytopicTables
-        Its weights read only estimates that are outputs: rows of T2 with a single 1, of F, G, K with zeros.
+        Its weights read only estimates that are outputs.
     premises : sequence of Premise
         The reciprocals of their widths, constants of the weights alone, are made of rounded ends.
     """
     units = 4 + max(((abs(Q(p.lo)) + abs(Q(p.hi))) / (Q(p.hi) - Q(p.lo)) for p in premises), default=fmpq(0))
     inputs = []
-    for k in range(t.T2.shape[0]):
-        row = np.flatnonzero(t.T2[k])
-        exact = len(row) == 1 and t.T2[k, row[0]] == 1 and not t.gains[:, k].any() and t.z0[k] == t.z_mid[k] == 0
-        i = int(row[0]) if exact else -1
-        inputs.append(_read(t.y_lo[i], t.y_hi[i], t.real) if exact else None)
+    for i in t.outputs:
+        inputs.append(_read(t.y_lo[i], t.y_hi[i], t.real) if i >= 0 else None)
     inputs += [_read(lo, hi, t.real) for side in ("u", "theta")
                for lo, hi in zip(getattr(t, f"{side}_lo"), getattr(t, f"{side}_hi"))]
     found = [*program_errors(t.weights, inputs, t.real, units)[:len(t.F)],

@@ -166,6 +166,17 @@ def test_what_is_not_the_proved_observer_is_refused(what):
         fault_sets.check(plant, problem, t, cert["thresholds"], np.array(cert["T1"]), 864.0, bent)
 
 
+def test_an_entry_of_c_that_the_c_rounds_counts():
+    """Its rounding error times the largest state, in the bound of r less what the faults do to y."""
+    whole, problem, bent = judged()
+    t, cert = kept().observer.tables["float32"], kept().certificate["float32"]
+    off = t.C.copy()
+    off[1, 1] += np.float32(2**-12)
+    room = [fault_bounds.model(whole, problem, replace(t, C=C), np.array(cert["T1"]), 864.0, bent)[0][0].room[1]
+            for C in (t.C, off)]
+    assert room[1] - room[0] >= fmpq(1, 2**12) * fmpq(15, 100)  # cod is 0.15 g/l at least
+
+
 def test_what_happens_between_samples_counts():
     cert = kept().certificate["float32"]
     plant, problem, bent = judged()

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from flint import fmpq
 from helpers.folders import built, write
+from helpers.scripts import ROOT
 from helpers.tools import need
 
 from codegen.analysis.calibration import Population, fault_free_runs
@@ -18,7 +19,7 @@ from codegen.analysis.validate import side_by_side, validate
 from codegen.assurance.claims import claims
 from codegen.certify import polytope_bounds, polytope_thresholds
 from codegen.certify.exact import Q, leading_failure, product, rational
-from codegen.designs import Design, claims_of
+from codegen.designs import Design, claims_of, read_design
 from codegen.errors import CertificateError, DesignError
 from codegen.observers import PolytopicObserver, Supervision
 from codegen.plant.load import load, loads
@@ -95,6 +96,19 @@ def test_the_firmware_keeps_its_promise_fault_or_not(tmp_path):
     short = replace(made, observer=PolytopicObserver({"float32": replace(
         made.observer.tables["float32"], h=0.3 * made.observer.tables["float32"].h)}, made.observer.supervision))
     assert validate(short, built(short, tmp_path / "short"), ["no fault"])[0].lost
+
+
+def test_weights_beyond_their_range_assure_nothing_and_let_the_bound_be(tmp_path):
+    """Near the end of its range the outflow's estimate passes it by noise; the bound stays what it has come down to."""
+    need("gcc")
+    made, full = tank(), '[[scenario]]\nname = "full"\nsteps = 300\nu = ["4.02"]\nv = "uniform"\n'
+    true = simulate(loads(made.plant.text + full), "full", seed=0)
+    got = built(made, tmp_path).run(true.u, true.y)
+    assert np.all(true.x >= made.plant.limits("x")[0]) and 10 < np.sum(got.inside == 0) < 200
+    assert np.array_equal(got.assured, got.inside) and got.settled[10:].all()
+    assert np.all(np.abs(got.r) <= got.r_bound)
+    assert made.observer.tables["float32"].at_estimate and not read_design(
+        ROOT / "generated" / "digester_descriptor-fault-estimation").observer.tables["float32"].at_estimate
 
 
 def tampered():
