@@ -101,8 +101,8 @@ def test_the_firmware_keeps_its_promise_fault_or_not(tmp_path):
 def test_weights_beyond_their_range_assure_nothing_and_let_the_bound_be(tmp_path):
     """Near the end of its range the outflow's estimate passes it by noise; the bound stays what it has come down to."""
     need("gcc")
-    made, full = tank(), '[[scenario]]\nname = "full"\nsteps = 300\nu = ["4.02"]\nv = "uniform"\n'
-    true = simulate(loads(made.plant.text + full), "full", seed=0)
+    made, low = tank(), '[[scenario]]\nname = "low"\nsteps = 450\nu = ["4.02"]\nv = "uniform"\n'
+    true = simulate(loads(made.plant.text + low), "low", seed=0)
     got = built(made, tmp_path).run(true.u, true.y)
     assert np.all(true.x >= made.plant.limits("x")[0]) and 10 < np.sum(got.inside == 0) < 200
     assert np.array_equal(got.assured, got.inside) and got.settled[10:].all()
