@@ -276,7 +276,9 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
                                f"{expected} and {proof['gamma']}. Design again.")
     if not np.array_equal(proof.get("M", t.M), t.M):
         raise CertificateError("certificate: the level is one of another weight of the residual. Design again.")
-    claims, c = check_energy(problem, t, proof), cert.get("calibration")
+    driven = "inputs, disturbances and faults, z being the error of the faults in units of their ranges"
+    claims = check_energy(problem, t, proof, driven) if t.faults else check_energy(problem, t, proof)
+    c = cert.get("calibration")
     if "band" in cert:
         if cert["band"]["period"] != expected:
             raise CertificateError(f"certificate: the band is one by steps of {cert['band']['period']} (found), "

@@ -64,6 +64,7 @@ def test_the_bound_counts_that_weights_are_near():
     assert not fault_problem(made.plant)[0].tied and inapplicable(made.plant) is None and "near" in cert["thresholds"]
     assert t.h[-1, 0] < 0.016 and cert["level"] <= cert["claimed"]
     claim = next(c for c in made.claims("float32") if c.startswith("r is what the faults do to y"))
+    assert "disturbances and faults, z being the error of the faults" in made.claims("float32")[0]
     assert "fault or not" in claim and "the C at its estimate" in claim
     assert made.detection["float32"][0]["by_delay"][0] == pytest.approx(2 * t.h[-1, 0], rel=1e-5)
     words = str(facts(made, "float32")) + str(tables(made, "float32"))
