@@ -44,7 +44,7 @@ def inapplicable(plant) -> str | None:
     if not plant.switching.known and (reason := mode_set.inapplicable(plant)) is not None:
         return f"the mode is not known at run time, and it cannot be found there: {reason}"
     if not plant.switching.known and plant.kind != "discrete":
-        return "the plant is continuous and nobody tells its mode, expected one of both at most. Use method \"zonotope\"."
+        return "the plant is continuous and nobody tells its mode, expected one at most. Use method \"zonotope\"."
     if (reason := basic_reason(plant, False)) is not None:
         return reason
     if not plant.f:
