@@ -55,7 +55,7 @@ def tail(t) -> tuple[tuple[bool, int], ...]:
     if isinstance(t, BankTables):
         return ((True, 0),) * t.gap + TAIL  # they pay for the sample without measurement
     # Boxes of S x, and estimates, have no bounds of x to put to the ends.
-    return TAIL if t.vary is None or isinstance(t, ModeTables | PolytopicTables) else WIDE_TAIL
+    return TAIL if t.vary is None or isinstance(t, ModeTables | PolytopicTables | SlidingTables) else WIDE_TAIL
 
 
 def steps_of(t) -> int:
@@ -132,7 +132,7 @@ def _within_bounds(observer, t, u: Array, q: int, theta: Array, y: Array) -> Arr
     slope that is measured too. Of a filter: a measurement small enough for an estimate within its bounds.
     """
     if hasattr(observer, "quiet_output"):  # bounds over several modes may have gaps
-        return observer.quiet_output(t, u, int(q))
+        return observer.quiet_output(t, u, int(q), theta)
 
     def answer(y: Array) -> Trace:
         trial = copy(observer)

@@ -78,7 +78,8 @@ def purpose(design) -> str:
     text : str
     """
     plant = design.plant
-    outputs = words.listed(dict.fromkeys(s.name for s in (*plant.y, *plant.theta) if s.measured))
+    read = plant.theta if design.observer.tables[plant.target.real].vary is not None else ()
+    outputs = words.listed(dict.fromkeys(s.name for s in (*plant.y, *read) if s.measured))
     if is_filter(design, plant.target.real):
         faults = words.listed(s.name for s in plant.f)
         assures = design.observer.supervision.assures
