@@ -49,6 +49,8 @@ def inapplicable(plant) -> str | None:
             return f'signals.f "{s.name}" has no range, expected range = [lo, hi]: the size of the fault. Add one.'
     if plant.switching.late:
         return "the mode is told late, expected at its own sample. Use method \"tnl-interval-lpv\"."
+    if plant.kind == "continuous" and not plant.switching.known:
+        return "the mode is not known at run time, expected switching.known = true where the plant is continuous."
     if (reason := enclosed_reason(plant)) is not None:
         return reason
     for mode in plant.modes:
