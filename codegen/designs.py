@@ -36,11 +36,12 @@ from .observers import (
     Runner,
     SlidingTables,
     Supervision,
+    TrailingTables,
 )
 from .plant.bounded import bounded
 from .plant.load import loads
 from .plant.model import Plant
-from .selection import bank_claims, filter_designs, polytopic_designs, tracking_designs
+from .selection import bank_claims, filter_designs, polytopic_designs, tracking_designs, trailing_claims
 
 FORMAT = 1
 
@@ -206,12 +207,14 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
         return driven_certificate.check(bounded(plant), plant.observed.modes, t, cert)
     if isinstance(t, FollowerTables):
         return follower_certificate.check(plant, t, cert)
+    if isinstance(t, TrailingTables):
+        return trailing_claims.check(plant, t, cert)
     if isinstance(t, ModeTables):
         return mode_certificate.check(bounded(plant), t, cert)
     if isinstance(t, GuidedTables):
-        return guided_certificate.check(plant, t, cert)
+        return guided_certificate.check(bounded(plant), plant.observed.modes, t, cert)
     if isinstance(t, SlidingTables):
-        return sliding_claims.check(plant, t, cert)
+        return sliding_claims.check(bounded(plant), t, cert)
     if isinstance(t, FilterTables):
         return filter_designs.check(plant, t, cert) + between_samples(plant)
     if isinstance(t, PolytopicTables):

@@ -21,7 +21,7 @@ from ..plant.uncertain import is_uncertain
 from ..synthesis import METHODS, check_modes, check_options, known_options
 from ..synthesis.linf import pairwise
 from ..synthesis.problem import Candidate, Problem
-from . import banks, filter_designs, modes, points, polytopes, sliding
+from . import banks, filter_designs, modes, points, polytopes, sliding, trailing
 
 Array = np.ndarray
 WITHIN = 3  # samples after the onset, where the plant file does not say
@@ -169,6 +169,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     if method and METHODS[method].estimates_mode:
         make = sliding.designed if METHODS[method].family == "sliding" else modes.designed
         return make(plant, method, options, progress)
+    if method and METHODS[method].family == "filter" and not plant.switching.known:
+        return trailing.designed(plant, method, options, progress)
     if method and METHODS[method].family == "bank":
         return banks.designed(plant, method, options, progress)
     if method and METHODS[method].family in ("polytopic", "descriptor"):
