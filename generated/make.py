@@ -28,7 +28,7 @@ DESIGNS = (("cart", "tnl-interval"), ("digester", "descriptor-fault-estimation")
            ("zammali_schedule", "ellipsoid"),
            ("zammali_trace", "ellipsoid"), ("zammali_zonotope", "zonotope"))
 #: Plants of the gallery whose firmware would have the shape of another's, with other numbers.
-LIKE_ANOTHER = ("bioreactor", "lamouchi_detector", "zammali_lpv_ct2")
+LIKE_ANOTHER = ("bioreactor", "lamouchi_detector", "tank", "zammali_lpv_ct2")
 #: Plants whose C calls <math.h>: the last bits of its answers are those of the machine, so that none are kept.
 WITH_LIBM = ("dlpv",)
 #: Methods whose C is that of another method of their family, with other numbers.

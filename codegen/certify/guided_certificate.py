@@ -60,6 +60,8 @@ def check_joint(t) -> None:
     """
     told = t.told
     check_shared(t)
+    if told.change is not None:
+        raise CertificateError("certificate: framers in other coordinates, expected those of x.")
     check_parameters(told)
     if np.any(t.x_lo != told.x_lo) or np.any(t.x_hi != told.x_hi):
         raise CertificateError("certificate: the ranges of x are not those of the framers.")

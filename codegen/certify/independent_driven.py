@@ -48,10 +48,10 @@ def middle_mode(p, most):
 
 
 def check_told(t, cert, plant):
-    """The framers of every mode; modes that are told late, or other coordinates, are none of theirs."""
+    """The framers of every mode, those of z where coordinates are changed; modes told late are none of theirs."""
     given, boxes, signals, h, late = plant
     told = t["told"]
-    demand(not late and "change" not in told, "framers in other coordinates, or for modes told late")
+    demand(not late, "framers for modes told late")
     if "vary" in told:
         lpv.check_framers(told, cert["told"], given, boxes, signals, h, late, True)
         return
@@ -102,9 +102,10 @@ def check_joint(t):
 def check_source(text, header, t, prefix):
     """The C: functions of the framers hold their numbers, all the others are those of an estimator."""
     told, bare = t["told"], re.sub(r"/\*.*?\*/", "", text, flags=re.S)
-    names = r"(?:(?:forward|blind)(?:_\w+)?|cut_x|theta_accepted)"
+    names = r"(?:(?:forward|blind)(?:_\w+)?|cut_[xz]|to_[xz]|theta_accepted)"
     own = functions(bare, prefix, names)
-    demand(all(f"{prefix}_{name}(" in own for name in ("forward", "blind")), "the maps of the framers are missing")
+    needed = ("forward", "blind", *("to_x", "to_z") * ("change" in told))
+    demand(all(f"{prefix}_{name}(" in own for name in needed), "the maps of the framers are missing")
     (lpv.check_source if "vary" in told else plain.check_source)(own, told)
     check_accepted(bare, prefix, told)
     for piece in re.findall(rf"\n\w[^\n]*{prefix}_{names}\([^;]*?\)\n{{.*?\n}}\n", bare, re.S):
@@ -114,7 +115,9 @@ def check_source(text, header, t, prefix):
 
 
 def main(folder, design, record):
-    """Check a folder; status 2: what is driven are no framers."""
+    """Check a folder; filters are handed over; status 2: what is driven is neither."""
+    if any("E" in t["told"] for t in design["tables"].values()):
+        return __import__("independent_trailing").main(folder, design, record)
     if any("shape" in t["told"] for t in design["tables"].values()):
         return 2
     plant, known = read_plant(design["plant"]["toml"]), None

@@ -24,6 +24,7 @@ def check_joint(t):
     """Ranges of both, bounds of parameters without a mode; no change of coordinates."""
     told = t["told"]
     driven.check_ranges(t)
+    demand("change" not in told, "framers in other coordinates")
     driven.check_bounds(told)
     demand(t["x_lo"] == told["x_lo"] and t["x_hi"] == told["x_hi"], "another range of x than that of the framers")
 

@@ -179,6 +179,9 @@ def driven(t, members: dict[str, str]) -> Ranges:
     boxes, n_modes = modes(t, members), len(t.Phi)
     frames = np.tile(t.told.box, n_modes)
     numbers = narrowed(t) | {f"frame_{side}": (-frames, frames) for side in ("lo", "hi")}
+    if t.told.change is not None:
+        turned = np.tile(t.told.change.box, n_modes)
+        numbers |= {f"frame_z_{side}": (-turned, turned) for side in ("lo", "hi")}
     return Ranges(numbers, boxes.words | {"framed": 2**n_modes - 1, "measured": 1},
                   ("When a call ends each box has been cut to its limits and carried over one period, or is one of the",
                    "boxes to start from, or has been found empty. Bounds of a mode whose bit of framed is set are in",

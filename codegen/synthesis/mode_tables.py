@@ -143,6 +143,9 @@ def check(plant, method: str = "mode-set") -> None:
         if set(m.theta_terms) - {"A", "B"}:
             raise DesignError(f'{plant.name}: {method} needs parameters in A and B alone (mode "{m.name}" has one in '
                               f"{sorted(set(m.theta_terms) - {'A', 'B'})[0]}). Bound it by w or v.")
+    if any(np.any(m.Dw) for m in plant.modes):
+        raise DesignError(f"{plant.name}: {method} needs disturbances that are not in y (found Dw that is not zero). "
+                          "Bound that part by v.")
     for m in plant.modes[1:]:
         for name in ("C", "D", "Dv", "v_lo", "v_hi"):
             if not np.array_equal(getattr(m, name), getattr(first, name)):

@@ -26,7 +26,8 @@ from codegen.observers import FAMILIES
 
 CASES = [(f.name, layout) for f in OTHERS if family_of(f) == "filter" for layout in ("literal", "table", "loop")]
 CASES += [(f.name, "table") for f in OTHERS if f.name.startswith("quadrotor")]
-CASES += [("one input", "table"), ("no input, two outputs", "literal"), ("parameters", "table"), ("discrete", "loop")]
+CASES += [("one input", "table"), ("no input, two outputs", "literal"), ("parameters", "table"), ("discrete", "loop"),
+          ("turned", "table")]
 CASES += [("disc_sensors_bank", "table"), ("dlpv bank", "loop"), ("two pivots", "loop")]
 CASES += [(f"sliding: {name}", layout) for name, layout in (("one input", "loop"), ("no input, two outputs", "table"))]
 KINDS = [(*case, real) for case in CASES for real in ("float32", "float64")]
@@ -136,6 +137,14 @@ CHANGED = {
         ("+ (k[10] * a_0)", "+ (k[11] * a_0)"), ("valve_cut_x(out->x_lo, out->x_hi);\n}", "}"),
         ("held.mode = q;", "held.mode = 0U;"), ("below[i] - xi_room[i]", "below[i] + xi_room[i]"),
         ("x_hi[0] = valve_clip(x_hi[0]", "x_hi[0] = valve_clip(x_lo[0]"), ("in->theta[0] >= -", "in->theta[0] > -")),
+    "turned": (
+        ("(k[5] * s->z_lo[1])", "(k[5] * s->z_hi[1])"), ("* s->z_hi[0])", "* s->x_hi[0])"), (
+        "valve_cut_z(s->z_lo, s->z_hi);", ""), ("valve_to_x(s);", "valve_to_z(s);"), ("* s->x_lo[1])", "* s->x_lo[0])"),
+        ("(0.65F * s->x_lo[0])", "(0.66F * s->x_lo[0])"),
+        ("z_lo[0] = valve_clip(z_lo[0]", "z_lo[0] = valve_clip(z_hi[0]"),
+        ("s->alive[q] = 0U;", ""), ("const bool moved = kept && (!", "const bool moved = kept && ("),
+        ("held.z_lo[i] = s->frame_z_lo[at + i];", "held.z_lo[i] = s->frame_lo[at + i];"),
+        ("s->frame_z_hi[at + i] >= held", "s->frame_z_hi[at + i] <= held")),
 }
 
 
@@ -153,7 +162,7 @@ def test_a_changed_c_is_refused(name):
 
 
 #: With many numbers in tables.
-TABLED = [n for n in CHANGED if not re.search("bank|contact|pivots|guided", n)]
+TABLED = [n for n in CHANGED if not re.search("bank|contact|pivot|turned|guided", n)]
 
 
 @pytest.mark.parametrize("name", TABLED)
@@ -176,7 +185,8 @@ def spoilt(design, where, key, change):
         new = change(getattr(t, key))
         t = replace(t, **{key: new if key == "law" else np.asarray(new, getattr(t, key).dtype)})
     elif where == "told":
-        t = replace(t, told=replace(t.told, **{key: change(getattr(t.told, key)).astype(t.dtype)}))
+        new = change(getattr(t.told, key))
+        t = replace(t, told=replace(t.told, **{key: new.astype(t.dtype) if isinstance(new, np.ndarray) else new}))
     elif where == "set":
         own = t.told.shape
         t = replace(t, told=replace(t.told, shape=replace(own, **{key: change(getattr(own, key)).astype(t.dtype)})))
@@ -302,6 +312,19 @@ def test_margins_refuse_what_does_not_hold(family):
     for where, key, change, words in FALSE[family]:
         with pytest.raises(CertificateError, match=words):
             claims(spoilt(design, where, key, change), "float32")
+
+
+def test_margins_of_other_coordinates():
+    design = driven.turned_design()
+    found = {c.id: c for c in claims(design, "float32")}["framers"]
+    assert {"Z", "X", "e", "b", "z"} <= set(found.constants)
+    assert {"range of z beyond what Z makes of the range of x", "offset e beyond its demand",
+            "offset b beyond its demand"} <= {m.what for m in found.margins}
+    own = design.observer.tables["float32"].told.change
+    for key, words in (("e_hi", "framers: offset e"), ("X", "framers: offset b"), ("z_lo", "framers: range of z")):
+        wrong = replace(own, **{key: getattr(own, key) * np.float32(0.9)})
+        with pytest.raises(CertificateError, match=words):
+            claims(spoilt(design, "told", "change", lambda c, new=wrong: new), "float32")
 
 
 #: A field of the set that is told its mode, made less, by case; what its margin is called.

@@ -48,6 +48,13 @@ def every_number_of_framers(t, found, modes, gains, names):
         for (q, *index), value in np.ndenumerate(getattr(t.vary, name)):
             assert found[label, modes[q], *index] == float(value), (name, q, index)
             checked.add((label, modes[q], *index))
+    for name in () if t.change is None else ("Z", "X", "e_hi", "e_lo", "b_hi", "b_lo", "z_lo", "z_hi"):
+        stem = name if any(key[0] == name for key in found) else name[0]
+        for index, value in np.ndenumerate(getattr(t.change, name)):
+            for key in [(stem, mode, *index) for mode in ("", *modes) if (stem, mode, *index) in found]:
+                assert found[key] == float(value), key
+                checked.add(key)
+    assert t.change is None or {"Z", "X", "z_lo"} <= {key[0] for key in checked}
     return checked
 
 
@@ -90,7 +97,7 @@ def every_number_of_a_bank(t, found):
     parts = [(f"{name}_{k}", getattr(m, name)) for k, m in enumerate(t.members)
              for name in ("T2", "C", "F", "G", "K", "M", "z0")]
     for name, value in (*parts, *((k, getattr(t, k)) for k in (
-            "bound", "limit", "most", "u_lo", "u_hi", "y_lo", "y_hi"))):
+            "bound", "limit", "most", "u_lo", "u_hi", "y_lo", "y_hi", "theta_lo", "theta_hi"))):
         expected |= {(name, "", *index): float(v) for index, v in np.ndenumerate(value)}
     for key in [k for k in expected if k[0] == "weights" and k not in found]:
         assert not expected.pop(key)  # zeros are many

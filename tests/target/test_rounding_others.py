@@ -21,7 +21,7 @@ from codegen.certify.sets import SetDemands
 from codegen.designs import read_design
 from codegen.observers.descriptor import of_pivots
 from codegen.observers.filter import add_terms
-from codegen.observers.framer import open_loop, propagate, residuals, scheduled
+from codegen.observers.framer import open_loop, propagate, residuals, scheduled, to_x, to_z
 from codegen.observers.mode_set import ModeSet, affine, image
 from codegen.observers.point import blind, forward, residual
 from codegen.observers.polytopic_step import evaluate as evaluate_program
@@ -246,6 +246,12 @@ def framers_of(t, names, values, script, rng):
     values |= {f"s_{v}_{j}": a for v, row in (("x_lo", lo), ("x_hi", hi), ("u", u), ("y", y)) for j, a in
                enumerate(row[0])}
     values |= {f"{size}_{j}": a for j, a in enumerate(np.maximum(-lo, hi)[0])}
+    uncut, z = replace(told, clamp=False, x_lo=told.x_lo - np.inf, x_hi=told.x_hi + np.inf), None
+    if told.change is not None:
+        c = told.change
+        z = tuple(np.sort(rng.uniform(-c.box, c.box, (2, 1, len(c.box))), axis=0).astype(real))
+        values |= {f"s_z_{side}_{j}": a for side, row in zip(("lo", "hi"), z) for j, a in enumerate(row[0])}
+        uncut = replace(uncut, change=replace(c, z_lo=c.z_lo - np.inf, z_hi=c.z_hi + np.inf))
     theta = np.zeros((1, 0), dtype=real)
     if told.vary is not None and told.vary.parameters:
         theta = rng.uniform(told.vary.theta_lo[:1], told.vary.theta_hi[:1]).astype(real)
@@ -255,13 +261,15 @@ def framers_of(t, names, values, script, rng):
             gain = scheduled(told.L_hi[at], told.vary.L[at], theta)[0, int(i), int(j)]
             assert evaluate(text, f"{prefix}_{name}", values, np.dtype(real).type) == gain
             values |= {f"size_{name}": abs(gain), f"exact_size_{name}": abs(gain)}
-    own, uncut = {}, replace(told, clamp=False, x_lo=told.x_lo - np.inf, x_hi=told.x_hi + np.inf)
+    own = {}
     for q in range(len(told.M_hi)):
         p = np.array([q])
-        for which, sides in (("forward", propagate(uncut, p, lo, hi, u, y, y_next, theta)),
-                             ("blind", open_loop(uncut, p, lo, hi, u))):
+        for which, sides in (("forward", propagate(uncut, p, lo, hi, u, y, y_next, theta, z)),
+                             ("blind", open_loop(uncut, p, lo, hi, u)),
+                             *((("to_x", to_x(uncut, *z)), ("to_z", to_z(uncut.change, lo, hi))) if z else ())):
             own |= {f"{which}_{side}_{i}_mode_{q}": v for side, row in zip(("lo", "hi"), sides)
                     for i, v in enumerate(row[0]) if f"{prefix}_{which}_{side}_{i}_mode_{q}" in names}
+    assert z is None or sum(name.startswith("to_") for name in own) == 8
     assert sum(name.startswith("forward") for name in own) > 4 and sum(name.startswith("blind") for name in own) >= 4
     return lo[0], hi[0], own
 
