@@ -31,7 +31,8 @@ CASES += [("disc_sensors_bank", "table"), ("dlpv bank", "loop"), ("two pivots", 
 CASES += [(f"sliding: {name}", layout) for name, layout in (("one input", "loop"), ("no input, two outputs", "table"))]
 KINDS = [(*case, real) for case in CASES for real in ("float32", "float64")]
 KINDS += [("follower: box", "loop", "float64"), ("follower: ellipsoid", "table", "float32"),
-          ("follower: trace", "literal", "float64"), ("follower: table", "loop", "float32"), ("turned", "table", "float32")]
+          ("follower: trace", "literal", "float64"), ("follower: table", "loop", "float32"),
+          ("turned", "table", "float32")]
 folders = pytest.mark.parametrize("folder", OTHERS, ids=lambda f: f.name)
 
 
@@ -129,7 +130,7 @@ CHANGED = {
         ("x_hi[0] = valve_clip(x_hi[0]", "x_hi[0] = valve_clip(x_lo[0]"), ("in->theta[0] >= -", "in->theta[0] > -")),
     "turned": (
         ("(k[5] * s->z_lo[1])", "(k[5] * s->z_hi[1])"), ("valve_to_x(s);", "valve_to_z(s);"),
-        ("(0.65F * s->x_lo[0])", "(0.66F * s->x_lo[0])"), ("const bool moved = kept && (!", "const bool moved = kept && ("),
+        ("(0.65F * s->x_lo[0])", "(0.66F * s->x_lo[0])"), ("moved = kept && (!", "moved = kept && ("),
         ("z_lo[0] = valve_clip(z_lo[0]", "z_lo[0] = valve_clip(z_hi[0]")),
 }
 
