@@ -32,6 +32,14 @@ def check_calibration(t, cert):
     demand(lost and [int(n) for n in lost.groups()] == [t["bridge"], t["gap"]], "lost samples of the campaign")
 
 
+def check_parameters(plant, t):
+    """All parameters are read, and their bounds accepted, error of measurement included."""
+    count = len(plant["theta"])
+    demand(t.get("columns", []) == list(range(count)), "columns of the parameters")
+    for lo, hi, (a, b) in zip(t.get("theta_lo", []), t.get("theta_hi", []), plant["theta"], strict=True):
+        demand(F(lo) <= a and F(hi) >= b, "bounds of a parameter")
+
+
 def check_words(plant, t, cert, claims):
     """The sizes that are called isolable, and the figures of the sentences."""
     sizes = largest(plant["f"])
@@ -78,9 +86,10 @@ def check_source(text, header, t, prefix):
     patterns = re.search(r"pattern\[\w+\] = \{(.*?)\}", text)
     demand(patterns and [int(x, 16) for x in re.findall(r"0x[0-9A-F]+", patterns[1])] == [
         whole ^ 1 << k for k in range(count)], "pattern of a fault")
-    bounds = numbers(functions(text, prefix, "[uy]_accepted"), real)
-    demand(sorted(bounds) == sorted(flat([t[k] for k in ("u_lo", "u_hi", "y_lo", "y_hi")])), "ranges that are accepted")
-    rest = functions(text, prefix, r"(?!without|weights|anew|outside|sound|[uy]_accepted)\w+")
+    bounds = numbers(functions(text, prefix, "(?:[uy]|theta)_accepted"), real)
+    ends = [t.get(f"{k}_{side}", []) for k in ("u", "y", "theta") for side in ("lo", "hi")]
+    demand(sorted(bounds) == sorted(flat(ends)), "ranges that are accepted")
+    rest = functions(text, prefix, r"(?!without|weights|anew|outside|sound|[uy]_accepted|theta_accepted)\w+")
     demand(not set(numbers(rest, real)) - {F(0)}, "the C holds a number that no table does")
     for name, value in (("NF", count), ("GAP", t["gap"]), ("CREDIT", t["gap"] * t["bridge"])):
         demand(re.findall(rf"#define \w+_{name} (\d+)U", header) == [str(value)], f"macro {name}")
@@ -99,6 +108,7 @@ def main(folder, design, record):
             m.starts()
             m.limits(exact(t["limit"][k * n:(k + 1) * n]), exact(t["most"][at:at + len(m.M)]))
             at += len(m.M)
+        check_parameters(plant, t)
         check_calibration(t, cert)
         check_words(plant, t, cert, design["proved"][real])
         print(f"proved for {real}: gains, sensitivity, starts, limits of {len(t['members'])} observers; confidence of "

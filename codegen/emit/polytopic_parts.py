@@ -115,7 +115,7 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
         laws=() if t.law is None else (law_view(t, names, y, _operations(t, sums) + _weights(t, sums["x_hat"])),),
         anew="false" if t.faults else "again && (out->raw == 0U)",
         sure=("out->assured = 1U; /* the faults are part of the estimate and spoil nothing */",) if t.faults else (),
-        again="anew || (!kept) || (!inside)" if t.faults else "anew || (!kept)")
+        again="anew || (!kept) || (!inside)" if t.faults and not t.at_estimate else "anew || (!kept)")
     return Parts(
         noun=ESTIMATED if t.faults else THRESHOLDS,
         header="polytopic.h.jinja", self_test="harness/test_polytopic.c.jinja", bits=bits, maps=(),
@@ -230,6 +230,8 @@ def weight_lines(w: Program, n_x: int, n_u: int, real: str, kind: str) -> tuple[
             return literal(value, real) if value >= 0 else f"({literal(value, real)})"
         return f"t{k - w.first}"
 
+    if not any(k < n_x for k in (*w.results, *(k for op in w.operations for k in op.args))):
+        lines.append("(void)x_hat;")
     signs = {"add": "+", "sub": "-", "mul": "*", "ge": ">=", "le": "<=", "gt": ">", "and": "&&"}
     for k, op in enumerate(w.operations, w.first):
         a = [name(i) for i in op.args]

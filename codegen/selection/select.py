@@ -21,7 +21,7 @@ from ..plant.uncertain import is_uncertain
 from ..synthesis import METHODS, check_modes, check_options, known_options
 from ..synthesis.linf import pairwise
 from ..synthesis.problem import Candidate, Problem
-from . import banks, filter_designs, modes, points, polytopes, sliding
+from . import banks, filter_designs, modes, points, polytopes, sliding, trailing
 
 Array = np.ndarray
 WITHIN = 3  # samples after the onset, where the plant file does not say
@@ -82,7 +82,7 @@ def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple:
     if gains.get("kind") == "filter":
         return filter_designs.certified(plant, gains, proof, real)
     if "kind" in gains:  # of a point observer
-        return points.certified(plant, gains, proof, real)
+        return points.certified(plant.enclosed, gains, proof, real)
     modes = plant.observed.modes
     tables = freeze(FramerTables, modes, limits(plant), gains, real)
     return tables, prove(modes, tables, proof)
@@ -169,6 +169,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     if method and METHODS[method].estimates_mode:
         make = sliding.designed if METHODS[method].family == "sliding" else modes.designed
         return make(plant, method, options, progress)
+    if method and METHODS[method].family == "filter" and not plant.switching.known:
+        return trailing.designed(plant, method, options, progress)
     if method and METHODS[method].family == "bank":
         return banks.designed(plant, method, options, progress)
     if method and METHODS[method].family in ("polytopic", "descriptor"):
@@ -226,7 +228,7 @@ def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], No
             progress(f"{name}: {text}")
 
         found = filter_designs.explore(plant, options, tell) if METHODS[name].family == "filter" else points.explore(
-            plant, METHODS[name].module, METHODS[name].family, options, tell)
+            plant.enclosed, METHODS[name].module, METHODS[name].family, options, tell)
         return [Trial(name, e.candidate, e.gains, e.tables, e.cert, surely_detected(plant, e.tables, e.cert, within))
                 for e in found]
     if plant.kind == "continuous" and not can_be_sampled(plant):

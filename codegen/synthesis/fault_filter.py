@@ -1,7 +1,8 @@
 """Method "hinf-filter" as the plant file asks for it: options, the problem with its weights, units of solver and C.
 
 Plant ``x+ = A_q x + B_q u + Bw w + Bf f``, ``y = C_q x + D_q u + Dw w + Dv v + Df f``, A and B with bounded
-unknowns; the observer is a filter that estimates f (or W_f f)::
+unknowns (of a continuous plant: what encloses it at its samples, ``plant.enclosed``); the observer is a filter that
+estimates f (or W_f f)::
 
     f_hat = Du u + Dy y + K xi,     xi+ = G u + L y + M xi                 one set of constants per mode
 
@@ -23,7 +24,8 @@ import numpy as np
 from flint import fmpq
 
 from ..errors import DesignError
-from .framers import POLYTOPIC, basic_reason
+from . import mode_set
+from .framers import POLYTOPIC, basic_reason, enclosed_reason
 from .hinf_problem import Block, FilterProblem, in_coordinates, problem_of, unmeasured
 from .hinf_weights import Weight, weight, weighted
 
@@ -32,14 +34,18 @@ Array = np.ndarray
 OPTIONS = {"synthesis": ("slack", "projection"), "target": dict, "colour": dict, "order_loss": (0.0, 1.0),
            "post_scaling": ("none", "steady"), "inputs": ("copy", "filtered"), "set_rows": (4, 400), "within": (0, 50),
            "threshold": ("guaranteed", "calibrated"), "false_alarm": (0.0, 1.0), "confidence": (0.0, 1.0),
-           "campaign_steps": (10, 100000), "rank": (1, 100)}
+           "campaign_steps": (10, 100000), "rank": (1, 100), "modes": ("set",), **mode_set.OPTIONS}
 
 
 def inapplicable(plant) -> str | None:
     """Why a plant cannot have this filter, with what to change; None if it can."""
     if plant.polytope is not None:
         return POLYTOPIC
-    if (reason := basic_reason(plant)) is not None:
+    if not plant.switching.known and (reason := mode_set.inapplicable(plant)) is not None:
+        return f"the mode is not known at run time, and it cannot be found there: {reason}"
+    if not plant.switching.known and plant.kind != "discrete":
+        return "the plant is continuous and nobody tells its mode, expected one at most. Use method \"zonotope\"."
+    if (reason := basic_reason(plant, False)) is not None:
         return reason
     if not plant.f:
         return "no fault is declared, expected one to estimate. Declare it in signals.f."
@@ -48,8 +54,8 @@ def inapplicable(plant) -> str | None:
             return f'signals.f "{s.name}" has no range, expected range = [lo, hi]: the size of the fault. Add one.'
     if plant.switching.late:
         return "the mode is told late, expected at its own sample. Use method \"tnl-interval-lpv\"."
-    if plant.kind != "discrete":
-        return "the plant is continuous, expected discrete. Sample it, and cover what that misses by parameters."
+    if (reason := enclosed_reason(plant)) is not None:
+        return reason
     for mode in plant.modes:
         for name in () if unmeasured(plant) else set(mode.theta_terms) - {"A", "B"}:
             return (f'{name} of mode "{mode.name}" depends on a parameter, expected only A and B to where one is '
@@ -97,7 +103,7 @@ def copies(plant, options: dict) -> bool:
     DesignError
         A copy is asked for and the plant is uncertain.
     """
-    varies = bool(plant.theta)
+    varies = bool(plant.enclosed.theta)
     if varies and options.get("inputs") == "copy":
         raise DesignError(f'{plant.name}: observer.inputs is "copy", expected "filtered": a copy of a plant with '
                           "unknown parameters leaves a part of u in. Use filtered.")
@@ -216,6 +222,7 @@ def stated(plant, options: dict, inputs: bool = True) -> tuple[FilterProblem, Un
     DesignError
         A weight is wrong, or the plant is none for this method.
     """
+    plant = plant.enclosed
     plain = problem_of(plant)
     size = {v: np.maximum(*(np.abs(side) for side in plant.limits(v))) for v in "xyuf"}
     size = {v: np.where(s > 0, s, 1.0) for v, s in size.items()}

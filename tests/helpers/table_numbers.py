@@ -67,6 +67,20 @@ def every_number_of_driven(t, found, modes):
     every_number_of_the_family(SimpleNamespace(**own, **joint), rest, modes)
 
 
+def every_number_of_guided(t, found, modes):
+    """Those of the framers, each by the name that keeps it apart, and of the estimator."""
+    of_framers = {key for key in found if key[0].startswith(("told_", "theta"))}
+    told = {(key[0].removeprefix("told_"), *key[1:]): found[key] for key in of_framers}
+    checked = every_number_of_framers(t.told, told, modes, "MGLNd", (*"ABCD", "a_hi", "a_lo", "c_hi", "c_lo"))
+    for name in ("x_lo", "x_hi"):
+        for (i,), value in np.ndenumerate(getattr(t.told, name)):
+            assert told[name, "", i] == float(value)
+            checked.add((name, "", i))
+    assert {key for key in told if key[0] != "theta_weight"} == checked
+    every_number_of_the_family(SimpleNamespace(**{k: v for k, v in vars(t).items() if k != "told"}), {
+        key: v for key, v in found.items() if key not in of_framers}, modes)
+
+
 def every_number_of_follower(t, found, modes):
     """Those of the observer that is told its mode, of the estimator, and of what joins them."""
     told = {(key[0].removeprefix("told_"), *key[1:]): v for key, v in found.items() if key[0].startswith("told_")}
@@ -83,7 +97,7 @@ def every_number_of_a_bank(t, found):
     parts = [(f"{name}_{k}", getattr(m, name)) for k, m in enumerate(t.members)
              for name in ("T2", "C", "F", "G", "K", "M", "z0")]
     for name, value in (*parts, *((k, getattr(t, k)) for k in (
-            "bound", "limit", "most", "u_lo", "u_hi", "y_lo", "y_hi"))):
+            "bound", "limit", "most", "u_lo", "u_hi", "y_lo", "y_hi", "theta_lo", "theta_hi"))):
         expected |= {(name, "", *index): float(v) for index, v in np.ndenumerate(value)}
     for key in [k for k in expected if k[0] == "weights" and k not in found]:
         assert not expected.pop(key)  # zeros are many

@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from helpers import driven, follower, small_modes
+from helpers import driven, follower, small_banks, small_modes
 from helpers.designs import GUARDED, stand_in
 from helpers.folders import write
 from helpers.kept import OTHERS, POINTS, STATED, family_of, first_of_each
@@ -120,6 +120,8 @@ OTHER_MUTANTS = {  # of a filter, a small mode estimator, driven framers: what o
     "a credit below nothing": ("bank", r"s->credit >= \w+_GAP", "s->credit >= 19U", "s->credit"),
     "a mean that grows": ("sliding", r"\(total - old\)", "(total + old)", "level"),
     "a bound that is not cut": ("sliding", r"result = limit;", "result = value;", "box_hi|is_finite"),
+    "framers of any size": ("guided", r"\(k\[\d+\] \* s->x_lo", "(3e38F * s->x_lo", "is_finite"),
+    "framers of nothing": ("guided", r"held\.y\[0\] = s->told_y\[0\];", "", "initialized"),
     "a step that reads what is not held": ("driven", r"held\.y\[i\] = s->y\[i\];", "", "initialized"),
     "S x without a beginning": ("driven", r"below\[i\] = 0\.0F;", "", "initialized"),
     "bits of modes that are none": ("driven", r"s->framed \|= \(uint32_t\)1U << q;", "s->framed |= 8U << q;",
@@ -158,6 +160,17 @@ def test_what_is_wrong_of_a_polytopic_observer_is_not_proved(mutant, tmp_path):
         assert result.proved and result.coverage == 100 and result.properties["law_is_in_box"] == 4
         return
     assert not result.proved and any(re.search(words, alarm) for alarm in result.alarms), result.alarms
+
+
+@pytest.mark.parametrize("pattern,words", [("", ""), (r"!\w+_theta_accepted\(in\)", "refused|initialized")])
+def test_a_bank_that_reads_a_parameter_is_proved_with_its_check_alone(pattern, words, tmp_path):
+    need("frama-c")
+    folder = write(small_banks.frozen(), tmp_path)
+    if pattern:
+        rewrite(folder, "tanks.c", pattern, "false")
+    result = prove(folder)
+    assert result.proved == (not pattern), result.alarms
+    assert not pattern or any(re.search(words, alarm) for alarm in result.alarms), result.alarms
 
 
 FOLLOWER_MUTANTS = {  # set, number type, layout, what of the C, what instead, what Eva says
