@@ -209,9 +209,9 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
     if isinstance(t, ModeTables):
         return mode_certificate.check(bounded(plant), t, cert)
     if isinstance(t, GuidedTables):
-        return guided_certificate.check(plant, t, cert)
+        return guided_certificate.check(bounded(plant), plant.observed.modes, t, cert)
     if isinstance(t, SlidingTables):
-        return sliding_claims.check(plant, t, cert)
+        return sliding_claims.check(bounded(plant), t, cert)
     if isinstance(t, FilterTables):
         return filter_designs.check(plant, t, cert)
     if isinstance(t, PolytopicTables):

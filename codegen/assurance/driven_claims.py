@@ -69,13 +69,18 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
 def joined(t, whose: str = "framers") -> list[Margin]:
     """What framers (or the observer) and estimator share: the room for S x, the ranges of x, what both accept."""
     driven_certificate.check_joint(t)
-    told = t.told
     room = [(Q(given) - needed, f"xi[{i}]") for i, (given, needed) in enumerate(driven_certificate.rooms(t))]
+    return [tightest("room for S x beyond rounding", room), *shared(t, whose)]
+
+
+def shared(t, whose: str = "framers") -> list[Margin]:
+    """The ranges of x, and what both accept."""
+    told = t.told
     x = [(sign * (Q(a) - Q(b)), f"state {i}, {side}") for side, sign in (("lo", 1), ("hi", -1))
          for i, (a, b) in enumerate(zip(getattr(t, f"x_{side}"), getattr(told, f"x_{side}")))]
     accepted = [(sign * (Q(a) - Q(b)), f"{v}[{i}], {side}") for v in "uy" for side, sign in (("lo", 1), ("hi", -1))
                 for i, (a, b) in enumerate(zip(getattr(t, f"{v}_{side}"), getattr(told, f"{v}_{side}")))]
-    return [tightest("room for S x beyond rounding", room), tightest(f"ranges of the {whose} beyond those of x", x),
+    return [tightest(f"ranges of the {whose} beyond those of x", x),
             tightest(f"ranges of inputs and measurements of the {whose} beyond what is accepted", accepted)]
 
 

@@ -67,9 +67,18 @@ def check_joint(t) -> None:
     CertificateError
         Naming what differs.
     """
-    told = t.told
     check_shared(t)
     check_coordinates(t)
+    check_parameters(t.told)
+
+
+def check_parameters(told) -> None:
+    """Check that bounds of parameters are the same in all modes: the C does not know which of them is active.
+
+    Raises
+    ------
+    CertificateError
+    """
     if told.vary is not None and any(np.any(b != b[:1]) for b in (told.vary.theta_lo, told.vary.theta_hi)):
         raise CertificateError("certificate: bounds of parameters differ between modes, expected one for all.")
 

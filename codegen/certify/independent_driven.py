@@ -73,13 +73,26 @@ def check_ranges(t):
         demand(a <= lo and hi <= b and max(-lo, hi) <= box, "range of x beyond that of the framers")
 
 
+def check_bounds(told):
+    """Bounds of parameters are those of every mode."""
+    for side in ("lo", "hi"):
+        bounds = told.get("vary", {}).get(f"theta_{side}", [])
+        demand(all(b == bounds[0] for b in bounds), "bounds of parameters that differ between modes")
+
+
+def check_accepted(text, prefix, told):
+    """Parameters that the C accepts are those within the bounds."""
+    if "vary" in told:
+        bounds = numbers(functions(text, prefix, "theta_accepted"), told["real"])
+        ends = [sorted(flat([told["vary"][f"theta_{s}"][:k] for s in ("lo", "hi")])) for k in (1, None)]
+        demand(sorted(bounds) in ends, "bounds of parameters that are accepted")
+
+
 def check_joint(t):
     """Ranges that framers and estimator share, bounds of parameters without a mode, and the way from x to S x."""
     check_ranges(t)
     told, real = t["told"], t["real"]
-    for side in ("lo", "hi"):
-        bounds = told.get("vary", {}).get(f"theta_{side}", [])
-        demand(all(b == bounds[0] for b in bounds), "bounds of parameters that differ between modes")
+    check_bounds(told)
     box = exact(told["box"])
     for i, (row, used, room) in enumerate(zip(exact(t["S"]), exact(t["S_rounded"]), t["xi_room"], strict=True)):
         error = rounding([*zip(used, box), (F(1), F(room))], real)[0]
@@ -94,10 +107,7 @@ def check_source(text, header, t, prefix):
     needed = ("forward", "blind", *("to_x", "to_z") * ("change" in told))
     demand(all(f"{prefix}_{name}(" in own for name in needed), "the maps of the framers are missing")
     (lpv.check_source if "vary" in told else plain.check_source)(own, told)
-    if "vary" in told:
-        bounds = numbers(functions(bare, prefix, "theta_accepted"), t["real"])
-        ends = [sorted(flat([told["vary"][f"theta_{s}"][:k] for s in ("lo", "hi")])) for k in (1, None)]
-        demand(sorted(bounds) in ends, "bounds of parameters that are accepted")
+    check_accepted(bare, prefix, told)
     for piece in re.findall(rf"\n\w[^\n]*{prefix}_{names}\([^;]*?\)\n{{.*?\n}}\n", bare, re.S):
         bare = bare.replace(piece, "\n")
     births.check_source(bare, header, t, prefix, {

@@ -55,7 +55,7 @@ def tail(t) -> tuple[tuple[bool, int], ...]:
     if isinstance(t, BankTables):
         return ((True, 0),) * t.gap + TAIL  # they pay for the sample without measurement
     # Boxes of S x, and estimates, have no bounds of x to put to the ends.
-    return TAIL if t.vary is None or isinstance(t, ModeTables | PolytopicTables) else WIDE_TAIL
+    return TAIL if t.vary is None or isinstance(t, ModeTables | PolytopicTables | SlidingTables) else WIDE_TAIL
 
 
 def steps_of(t) -> int:

@@ -154,6 +154,19 @@ def pairs(t, members: dict[str, str]) -> Ranges:
     return Ranges({}, words | dict.fromkeys(("fresh", "armed", "refuted"), 2 ** count - 1), (), kept)
 
 
+def guided(t, members: dict[str, str]) -> Ranges:
+    """The same, and bounds that are those of framers within the range of x, or else the estimator's; last sample.
+
+    Zero is what init and reset store of that.
+    """
+    own, most = pairs(t, members), np.maximum(t.limit, t.told.box)
+    last = [("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi)]
+    last += [("theta", t.vary.theta_lo[0], t.vary.theta_hi[0])] if t.vary else []
+    kept = own.kept | dict.fromkeys(("told_lo", "told_hi"), (-most, most))
+    kept |= {f"told_{name}": (np.minimum(lo, 0), np.maximum(hi, 0)) for name, lo, hi in last}
+    return Ranges(own.numbers, own.words, own.about, kept)
+
+
 def bank(t, members: dict[str, str]) -> Ranges:
     """States and averages, with which all observers start anew beyond their limits; the last measurement; counts."""
     return Ranges({}, {"left": t.keep, "wait": max(t.settle, t.begin), "credit": t.credit}, (),
@@ -227,4 +240,4 @@ def _origin(t) -> dict:
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "starts": thresholds, "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
           "mode": modes, "driven": driven, "follower": follower, "polytopic": polytopic, "descriptor": polytopic,
-          "sliding": pairs, "bank": bank}
+          "sliding": pairs, "guided": guided, "bank": bank}

@@ -67,6 +67,20 @@ def every_number_of_driven(t, found, modes):
     every_number_of_the_family(SimpleNamespace(**own, **joint), rest, modes)
 
 
+def every_number_of_guided(t, found, modes):
+    """Those of the framers, each by the name that keeps it apart, and of the estimator."""
+    of_framers = {key for key in found if key[0].startswith(("told_", "theta"))}
+    told = {(key[0].removeprefix("told_"), *key[1:]): found[key] for key in of_framers}
+    checked = every_number_of_framers(t.told, told, modes, "MGLNd", (*"ABCD", "a_hi", "a_lo", "c_hi", "c_lo"))
+    for name in ("x_lo", "x_hi"):
+        for (i,), value in np.ndenumerate(getattr(t.told, name)):
+            assert told[name, "", i] == float(value)
+            checked.add((name, "", i))
+    assert {key for key in told if key[0] != "theta_weight"} == checked
+    every_number_of_the_family(SimpleNamespace(**{k: v for k, v in vars(t).items() if k != "told"}), {
+        key: v for key, v in found.items() if key not in of_framers}, modes)
+
+
 def every_number_of_follower(t, found, modes):
     """Those of the observer that is told its mode, of the estimator, and of what joins them."""
     told = {(key[0].removeprefix("told_"), *key[1:]): v for key, v in found.items() if key[0].startswith("told_")}
