@@ -33,7 +33,8 @@ CASES += [(f"sliding: {name}", layout) for name, layout in (("one input", "loop"
 KINDS = [(*case, real) for case in CASES for real in ("float32", "float64")]
 KINDS += [("follower: box", "loop", "float64"), ("follower: ellipsoid", "table", "float32"),
           ("follower: trace", "literal", "float64"), ("follower: table", "loop", "float32"),
-          ("guided: parameters", "table", "float32"), ("guided: no input, two outputs", "loop", "float64")]
+          ("guided: parameters", "table", "float32"), ("guided: no input, two outputs", "loop", "float64"),
+          ("guided: turned", "literal", "float32")]
 folders = pytest.mark.parametrize("folder", OTHERS, ids=lambda f: f.name)
 
 
@@ -125,6 +126,10 @@ CHANGED = {
         ("= s->told_theta[0];", "= in->theta[0];"), ("(uint32_t)2U << i", "(uint32_t)1U << i"),
         ("valve_told_clip(x_lo[1], -", "valve_told_clip(x_lo[1], "), ("if (value < least)", "if (value > least)"),
         ("typedef valve_real valve_told_real;", "typedef double valve_told_real;")),
+    "guided: turned": (
+        ("told_to_z(&held);", "told_to_x(&held);"), ("valve_told_cut_z(s->z_lo, s->z_hi);", ""),
+        ("= s->told_z_lo[i];", "= s->told_lo[i];"), ("- (0.2F * s->x_lo[0])", "- (0.2F * s->x_hi[0])"),
+        ("(!kept) || (s->told_z_lo", "(kept) || (s->told_z_lo")),
     "follower: box": (
         ("held->mode = q;", "held->mode = 0U;"), ("typedef valve_real valve_told_real;",
                                                             "typedef double valve_told_real;"),
