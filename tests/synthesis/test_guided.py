@@ -234,8 +234,8 @@ GALLERY = CHECKER.parents[2] / "generated" / "valve_sliding_lpv-interval"
 
 
 @pytest.mark.parametrize("old, new, words", [
-    ("bounds = [-0.1, 0.1], rate", "bounds = [-0.15, 0.15], rate", "offset of x_"), ("error = 0.005", "error = 1", "theta box"),
-    ('"-4 - resistance"', '"-4 - 2*resistance"', "offset of x_")])
+    ("bounds = [-0.1, 0.1], rate", "bounds = [-0.15, 0.15], rate", "offset of x_"),
+    ("error = 0.005", "error = 1", "theta box"), ('"-4 - resistance"', '"-4 - 2*resistance"', "offset of x_")])
 def test_the_checker_refuses_other_parameters(old, new, words, checker):
     """Of a plant whose parameters do more than tables hold: the estimator's offsets, the framers' bounds."""
     data = json.loads((GALLERY / "design.json").read_text())
