@@ -44,8 +44,8 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
         "and are cut to these, which hold the state under the same condition."
         + " The step is that of z = Z x, with x = X z; z begins with what Z makes of x and is cut to it." * z,
         "M >= 0 elementwise, or the bound that its sign asks for; d_hi >= max[T Bw w - L Dv v - N Dv v+ + (T A - L C - "
-        f"M{' Z' * z}) x + (T B - L D - G) u] + rounding of inputs and sums; mirrored for d_lo; a alike for x+ = A x + B u + Bw "
-        "w, c for y = C x + D u + Dv v; ranges of x, u and y within those of the framers"
+        f"M{' Z' * z}) x + (T B - L D - G) u] + rounding of inputs and sums; mirrored for d_lo; a alike for x+ = A x + "
+        "B u + Bw w, c for y = C x + D u + Dv v; ranges of x, u and y within those of the framers"
         + "; T = Z; e alike for z = Z x, b >= |I - X Z| box for x = X z; z_lo <= min Z x, z_hi >= max Z x" * z,
         f"own derivation: {(inspect.getdoc(guided_certificate) or '').splitlines()[0]}", "codegen.certify.claims.check",
         (*TOLD, *TURNED * z, *(f"told_{name}" for name in "CDc"), "x", "u", "y"),
