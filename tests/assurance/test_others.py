@@ -33,7 +33,7 @@ KINDS = [(*case, real) for case in CASES for real in ("float32", "float64")]
 KINDS += [("follower: box", "loop", "float64"), ("follower: ellipsoid", "table", "float32"),
           ("follower: trace", "literal", "float64"), ("follower: table", "loop", "float32"),
           ("guided: parameters", "table", "float32"), ("guided: no input, two outputs", "loop", "float64"),
-          ("turned", "table", "float32")]
+          ("guided: turned", "literal", "float32"), ("turned", "table", "float32")]
 folders = pytest.mark.parametrize("folder", OTHERS, ids=lambda f: f.name)
 
 
@@ -125,6 +125,9 @@ CHANGED = {
         ("= s->told_theta[0];", "= in->theta[0];"), ("(uint32_t)2U << i", "(uint32_t)1U << i"),
         ("valve_told_clip(x_lo[1], -", "valve_told_clip(x_lo[1], "), ("if (value < least)", "if (value > least)"),
         ("typedef valve_real valve_told_real;", "typedef double valve_told_real;")),
+    "guided: turned": (
+        ("told_to_z(&held);", "told_to_x(&held);"), ("valve_told_cut_z(s->z_lo, s->z_hi);", ""),
+        ("(!kept) || (s->told_z_lo", "(kept) || (s->told_z_lo")),
     "follower: box": (
         ("held->mode = q;", "held->mode = 0U;"), ("typedef valve_real valve_told_real;",
                                                             "typedef double valve_told_real;"),
