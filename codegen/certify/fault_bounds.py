@@ -93,7 +93,8 @@ def model(plant, problem, t, T1: Array, period: float | None, bend: Array) -> tu
     Returns
     -------
     model : tuple of JointMode
-        What it estimates is y - C x_hat without what the faults are in it.
+        What it estimates is y - C x_hat without what the faults are in it. Columns of W, in their order: the middle of
+        all ranges, half widths of x, f, u, g, w, v and f, then what y, u, g, x_hat, r and z are off, weights, Euler.
     T1E : object array (n, n)
     """
     n, p = len(problem.E), len(problem.C)
@@ -107,7 +108,7 @@ def model(plant, problem, t, T1: Array, period: float | None, bend: Array) -> tu
     width = problem.B.shape[2]
     passed = eye(p) - product(C, T2)
     seen = errors.residual.copy()
-    seen[:, n:2 * n] -= rational(problem.C) - C  # what the faults are in y
+    seen[:, 2 * n - t.faults:2 * n] -= rational(problem.C)[:, n - t.faults:]  # what the faults are in y
     noise = [passed * slip.y, C * slip.x_hat, np.diag(slip.r) if p else zeros(0, 0)]
     room = abs(columns([(seen[:, n:2 * n], x), (seen[:, 2 * n:2 * n + width], inputs), (seen[:, 2 * n + width:], d)],
                        noise)).sum(axis=1)
