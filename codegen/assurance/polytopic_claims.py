@@ -73,9 +73,9 @@ def seen_apart(plant, t, cert: dict, checks: tuple) -> tuple:
     cert : dict
     checks : tuple of str
     """
-    held = cert["thresholds"]
-    known = (hasattr(t, "algebraic") or np.ndim(cert.get("energy", cert).get("T1")) == 2) and not (
-        "waits" in held or "calibration" in cert) and read_apart(plant, "near" in held, bool(t.faults))
+    held, T1 = cert["thresholds"], cert.get("energy", cert).get("T1")
+    known = (hasattr(t, "algebraic") or np.ndim(T1) == 2) and "waits" not in held and "calibration" not in cert
+    known = known and (not t.faults or "share" in held) and read_apart(plant, "near" in held, bool(t.faults))
     return checks if known else tuple(name for name in checks if name != "independent")
 
 

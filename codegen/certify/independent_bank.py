@@ -24,7 +24,7 @@ def read_plant(text):
     """The plant, continuous and with faults of sensors alone; one Bw for all vertices."""
     p = read(text)
     p["Bw"] = p["vertices"][0]["Bw"]
-    unknown(p["period"] is None or p["known"] or any(v["Bw"] != p["Bw"] or any(map(any, v["Bf"]))
+    unknown(p["period"] is None or p["known"] or p["theta"] or any(v["Bw"] != p["Bw"] or any(map(any, v["Bf"]))
                                                      for v in p["vertices"]))
     p["vertices"] = [(v["A"], v["B"]) for v in p["vertices"]]
     return p

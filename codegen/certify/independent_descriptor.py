@@ -177,7 +177,7 @@ def rows_of(A, rows):
 def main(folder, design, record):
     """Check a folder of an observer that solves the algebraic equations."""
     p = read_plant(design["plant"]["toml"])
-    unknown(design["family"] != "descriptor" or p["known"])
+    unknown(design["family"] != "descriptor" or p["known"] or p["theta"])
     plant = Plant(p)
     known, drift = Solved(plant), Drift(plant) if plant.T is not None else None
     for real, t in design["tables"].items():

@@ -147,7 +147,7 @@ def read_c(folder, design, record):
 def main(folder, design, record):
     """Check a folder of a polytopic observer."""
     p = read_plant(design["plant"]["toml"])
-    unknown(design["family"] != "polytopic" or p["known"])
+    unknown(design["family"] != "polytopic" or p["known"] or p["theta"])
     plant = Plant(p)
     drift = Drift(plant) if plant.T is not None else None
     for real, t in design["tables"].items():

@@ -7,6 +7,7 @@ bounds, the first premise turning fastest. Other equations than polynomials are 
 which the file calls known, and with them a row of f, may be quotients.
 """
 
+import ast
 import sys
 import tomllib
 from fractions import Fraction as F  # noqa: N817 - on every line
@@ -21,13 +22,13 @@ SHAPES = {"E": "xx", "A": "xx", "B": "xu", "C": "yx", "Bw": "xw", "Dv": "yv", "B
 
 
 def read_plant(text):
-    """E, C, Dv, Df, vertices, ranges of signals, initial box, period, the bits that inputs tell, known terms and f."""
+    """E, C, Dv, Df, vertices, ranges, initial box, period, bits that inputs tell, what weights read, known terms, f."""
     p = tomllib.loads(text)
     signals = {k: p["signals"].get(k, []) for k in ("x", "u", "y", "w", "v", "f", "theta")}
     constants = {k: F(repr(float(v))) for k, v in p.get("constants", {}).items()}
-    names = [s["name"] for k in "xu" for s in signals[k]]
+    names = [s["name"] for k in ("x", "u", "theta") for s in signals[k]]
     common, own = p.get("common", {}), p.get("nonlinear", {})
-    unknown(signals["theta"] or "point" in own)
+    unknown("point" in own or any(not s.get("measured", True) for s in signals["theta"]))
     unknown(any(polynomial(e, [], constants) for row in common.get("D", []) for e in row))
 
     def matrix(key, given=None):
@@ -37,25 +38,32 @@ def read_plant(text):
         rows = [[polynomial(e, [], constants).get((), F(0)) for e in row] for row in rows]
         return [[F(float(e)) for e in row] for row in rows]
 
-    box = [tuple(F(float(b)) for b in s["range"]) for k in "xu" for s in signals[k]]
     plant = {k: matrix(k) for k in ("C", "Dv", "Df")} | {"E": matrix("E", own.get("E")), "tied": [], "known": []}
     plant["period"] = F(float(p["time"]["sample_period"])) if p["time"]["kind"] == "continuous" else None
     for k in "xuywvf":
         key = "bounds" if k in "wv" else "range"
         plant[k] = [tuple(F(float(b)) for b in (s[key] if k != "f" else s.get(key, (0, 0)))) for s in signals[k]]
+    plant["theta"] = [tuple(F(float(b)) for b in s["bounds"]) for s in signals["theta"]]
+    plant["errors"] = [F(float(s.get("error", 0))) for s in signals["theta"]]
     plant["rates"] = [F(float(s.get("rate", 0))) for s in signals["u"]]
     plant["names"] = [s["name"] for s in signals["f"]]
     plant["x0"] = [(F(float(a)), F(float(b))) for a, b in zip(p["initial"]["x_lo"], p["initial"]["x_hi"])]
     if p.get("vertex"):
         unknown(any(any(v.get("offset", [])) for v in p["vertex"]))
         plant["vertices"] = [{k: matrix(k, v.get(k)) for k in ("A", "B", "Bw", "Bf")} for v in p["vertex"]]
+        nodes = [node for v in p["vertex"] for node in ast.walk(ast.parse(str(v.get("weight", 0))))]
+        read = {node.id for node in nodes if isinstance(node, ast.Name)}
         plant["premises"] = plant["f_of"] = None
+        plant["read"] = {k for k, name in enumerate(names) if name in read}
         return plant
     plant["f_of"] = [formula(e, names, constants) for e in own["f"]]
     plant["known"] = [(i, t) for i, t in enumerate(formula(e, names, constants) for e in own.get("known", [])) if t]
     entries = factors(own, names, plant, constants)
-    parts, cores, limits, tied = sectors(own, entries, names, len(signals["x"]), box, constants)
-    plant["tied"], plant["premises"] = tied, [(key, *ends) for key, ends in zip(cores, limits)]
+    box = plant["x"] + plant["u"] + plant["theta"]
+    parts, cores, limits = sectors(own, entries, names, box, constants)
+    plant["premises"], n_x = [(key, *ends) for key, ends in zip(cores, limits)], len(signals["x"])
+    plant["tied"] = [k for k, core in enumerate(cores) if not any(core[:n_x])]
+    plant["read"] = {k for core in cores for k, e in enumerate(core) if e}
     plant["vertices"] = []
     for ends in product(*reversed(limits)):
         at = list(reversed(ends))
@@ -69,14 +77,14 @@ def read_plant(text):
             return F(float(total))
 
         rows = [[value(e) for e in row] for row in parts]
-        A, B = ([row[part] for row in rows] for part in (slice(len(signals["x"])), slice(len(signals["x"]), None)))
+        A, B = ([row[part] for row in rows] for part in (slice(n_x), slice(n_x, None)))
         plant["vertices"].append({"A": A, "B": B, "Bw": matrix("Bw"), "Bf": matrix("Bf")})
     return plant
 
 
 def factors(own, names, plant, constants):
     """Rows of [A B] as polynomials: those of the file, or by the rule; with the known terms they are f exactly."""
-    size, f = len(names), list(plant["f_of"])
+    size, wide, f = len(names), len(plant["x"] + plant["u"]), list(plant["f_of"])
     for i, term in plant["known"]:
         f[i] -= term
     if "A" in own:
@@ -84,8 +92,8 @@ def factors(own, names, plant, constants):
     else:
         unknown(not all(given.plain for given in f))
         named = [polynomial(q["term"], names, constants) for q in own.get("premise", [])]
-        order = sorted(range(size), key=lambda k: (Formula.variable(k, size).n in named, k))
-        rows = [[{} for _ in names] for _ in f]
+        order = sorted(range(wide), key=lambda k: (Formula.variable(k, size).n in named, k))
+        rows = [[{} for _ in range(wide)] for _ in f]
         for row, given in zip(rows, f):
             for key, c in given.n.items():
                 column = next((k for k in order if key[k]), None)
@@ -99,8 +107,8 @@ def factors(own, names, plant, constants):
     return rows
 
 
-def sectors(own, rows, names, n_x, box, constants):
-    """Entries as sums of products of premises, these as exponents, their bounds, and those that read inputs alone."""
+def sectors(own, rows, names, box, constants):
+    """Entries as sums of products of premises, these as exponents, their bounds."""
     cores, limits = [], []
     for q in own.get("premise", []):
         p = polynomial(q["term"], names, constants)
@@ -132,5 +140,4 @@ def sectors(own, rows, names, n_x, box, constants):
             out[tuple(which)] = out.get(tuple(which), F(0)) + c
         return out
 
-    tied = [k for k, core in enumerate(cores) if not any(core[:n_x])]
-    return [[entry(p) for p in row] for row in rows], cores, limits, tied
+    return [[entry(p) for p in row] for row in rows], cores, limits
