@@ -291,13 +291,14 @@ def list_():
 
 @main.command(context_settings=HELP)
 @click.argument("name")
-def init(name):
+@click.option("--from", "like", metavar="PLANT", help="Gallery plant to start from; without it a cart on a rail.")
+def init(name, like):
     """Write NAME.toml, a commented plant file to start from."""
     from .errors import PlantError
-    from .plant.load import starter
+    from .plant.load import gallery_names, starter
 
     path = Path(f"{name}.toml")
-    text = starter(name)
+    text = starter(name, like)
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
@@ -306,6 +307,8 @@ def init(name):
     except OSError as error:
         raise PlantError(f"{path}: cannot be written ({error.strerror}). Choose another folder.") from error
     click.echo(f"wrote {path}; next: residua run {path}")
+    if like is None and name in gallery_names():
+        click.echo(f"it holds the cart; for the gallery's {name}: residua run {name}, residua init NAME --from {name}")
 
 
 if __name__ == "__main__":

@@ -100,6 +100,9 @@ def _polytope(p: Plant) -> None:
         rows.add_row(v.name, span, *({True: "yes", False: "no", None: "too close to tell"}[x] for x in (
             v.regular, v.impulse_free, v.stable, v.r_observable, v.c_observable, v.i_observable, v.detectable)))
     out.print(rows)
+    if p.polytope.known:
+        out.print("\nin no vertex, but known at run time and added there: "
+                  + ", ".join(f"{k.term.evalf(6)} in row {k.row + 1}" for k in p.polytope.known))
     out.print("\nbetween the vertices: " + {
         True: "admissible for every weight, however it moves (one Lyapunov matrix for all vertices, checked exactly)",
         False: "not shown to be admissible (no common Lyapunov matrix found); the table above says nothing of it",

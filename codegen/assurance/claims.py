@@ -249,8 +249,9 @@ def _detection(design, t, cert, real) -> list[Claim]:
             f"a step of the fault {channel} of {size:.6g}{' ' + unit if unit else ''} or more raises an alarm "
             f"{_when(old['by_delay'].index(size))}")
         conditional = t.vary is not None and acts_on_state(design.plant, channel)
+        courses = "admissible mode sequence" if design.plant.polytope is None else "course of the weights"
         out.append(Claim(f"detection-{channel}", text, (*PLANT, "Bf", "Df", "signals.f", *_timed(design)),
-                         f"For every admissible mode sequence, disturbance and noise, some {seen} leaves its bounds"
+                         f"For every {courses}, disturbance and noise, some {seen} leaves its bounds"
                          + (", as long as no state bound is on the far end of its declared range (x_hi on the least, "
                             "x_lo on the largest value)." if conditional else "."),
                          f"size > sup r_i / |response_i| for an {seen} i, worst over sequences (double precision, a "

@@ -104,13 +104,15 @@ def gallery_names() -> list[str]:
     return sorted(path.stem for path in _GALLERY.glob("*.toml"))
 
 
-def starter(name: str) -> str:
+def starter(name: str, like: str | None = None) -> str:
     """Return the commented plant file that ``residua init NAME`` writes.
 
     Parameters
     ----------
     name : str
         Plant name.
+    like : str or None
+        Gallery plant that it starts from; None: the cart, with more comments.
 
     Returns
     -------
@@ -120,11 +122,16 @@ def starter(name: str) -> str:
     Raises
     ------
     PlantError
-        The name cannot be a plant's.
+        The name cannot be a plant's, or the gallery has no such plant.
     """
     check_plant_name(name)
-    text = _STARTER.read_text(encoding="utf-8")
-    return re.sub(r'^name( *)= "cart"', lambda match: f'name{match[1]}= "{name}"', text, count=1, flags=re.M)
+    if like is None:
+        text = _STARTER.read_text(encoding="utf-8")
+    elif like in gallery_names():
+        text = (_GALLERY / f"{like}.toml").read_text(encoding="utf-8")
+    else:
+        raise PlantError(_no_such_plant(like))
+    return re.sub(r'^name( *)= ".*?"', lambda match: f'name{match[1]}= "{name}"', text, count=1, flags=re.M)
 
 
 def _text(path: Path, name: str) -> str:

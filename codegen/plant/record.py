@@ -144,7 +144,7 @@ def find_record(name: str, folder: str) -> Path:
     PlantError
         No such file.
     """
-    for base in (Path(folder), DATA_FOLDER):
+    for base in (Path(folder), DATA_FOLDER, DATA_FOLDER.parent):
         if (base / name).is_file():
             return base / name
     raise PlantError(

@@ -296,8 +296,9 @@ def _detection(design, real: str) -> tuple[Table, ...]:
             cells.append(Cell(text + (" *" if beyond else ""), "num warn" if beyond or size is None else "num"))
         rows.append(cells)
     where = "the residual outside its set" if is_point(design, real) else "an output outside its bounds"
+    courses = "mode sequence that the certificate admits" if design.plant.polytope is None else "course of the weights"
     notes = [f"A step of this size or more, of either sign, puts {where} within this time, whatever"
-             " the disturbance, the noise and the mode sequence that the certificate admits. The delay counts "
+             f" the disturbance, the noise and the {courses}. The delay counts "
              "from the first sample of the fault; “at once” is that sample itself."]
     if varies(design, real):
         notes.append("Parameters and unknowns move the errors too: these thresholds bound every path of theta and "

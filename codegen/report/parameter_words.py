@@ -30,21 +30,26 @@ def parameter_tables(plant: Plant) -> tuple[Table, ...]:
     rows = []
     for j, s in enumerate(plant.theta):
         limits = limits_of(plant, j)
-        same = len(set(limits)) == 1
+        where = [m.name for m in plant.modes] if len(set(limits)) > 1 else [everywhere(plant)]
         known = f"yes, to within {words.quantity(words.number(s.error), s.unit)}" if s.error else "yes"
-        for (lo, hi), mode in zip(limits[:1] if same else limits, plant.modes):
-            rows.append((s.name, words.interval(lo, hi, s.unit), "every mode" if same else mode.name,
+        for (lo, hi), mode in zip(limits, where):
+            rows.append((s.name, words.interval(lo, hi, s.unit), mode,
                          known if s.measured else "no", _rate(s) if np.isfinite(s.rate) else "any: it may jump"))
     notes = ("A measured parameter is an input of the firmware (in->theta); a value beyond its bounds, error included, "
              "is refused. One that is not measured may be anything within its bounds, and another at every sample.",)
-    return (table("Parameters of the matrices", ("theta", "bounds", "mode", "measured", "fastest change"), rows,
+    return (table("Parameters of the matrices", ("theta", "bounds", "where", "measured", "fastest change"), rows,
                   notes),) if rows else ()
+
+
+def everywhere(plant: Plant) -> str:
+    """What holds in all of a plant."""
+    return "every mode" if plant.modes else "every vertex"
 
 
 def limits_of(plant: Plant, j: int) -> list[tuple[float, float]]:
     """Bounds of a parameter in every mode."""
     s = plant.theta[j]
-    own = [m.theta_bounds for m in plant.modes]
+    own = [m.theta_bounds for m in plant.modes] or [None]
     return [(s.lo, s.hi) if b is None else (float(b[0][j]), float(b[1][j])) for b in own]
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..plant.model import Plant, Signal
-from . import words
-from .parameter_words import parameter_tables, sampling_facts
+from . import vertex_words, words
+from .parameter_words import between, everywhere, parameter_tables, sampling_facts
 from .table import Fact, Table, table
 
 
@@ -22,15 +22,21 @@ def facts(plant: Plant) -> tuple[Fact, ...]:
     tuple of Fact
     """
     period = f"{words.seconds(plant.sample_period)} ({plant.kind} time)"
-    return (Fact("Plant", f"{plant.title or plant.name} ({plant.name})"), Fact("Source", plant.source or "not given"),
-            Fact("Sample period", period), *sampling_facts(plant), Fact("Model", _model(plant)),
-            Fact("Modes", _modes(plant)), Fact("Switching", switching(plant)))
+    first = (Fact("Plant", f"{plant.title or plant.name} ({plant.name})"),
+             Fact("Source", plant.source or "not given"), Fact("Sample period", period))
+    if plant.polytope is not None:
+        moves = (Fact("Between samples", between(plant)),) if plant.kind == "continuous" else ()
+        return *first, *moves, Fact("Model", _model(plant)), *vertex_words.facts(plant)
+    return (*first, *sampling_facts(plant), Fact("Model", _model(plant)), Fact("Modes", _modes(plant)),
+            Fact("Switching", switching(plant)))
 
 
 def _model(plant: Plant) -> str:
     sizes = [words.count(plant.n_x, "state"), words.count(plant.n_u, "input"), words.count(plant.n_y, "output"),
              words.count(plant.n_w, "disturbance"), words.count(plant.n_v, "noise channel"),
              words.count(plant.n_f, "fault channel")]
+    if plant.polytope is not None:
+        return f"{words.listed(sizes)}; {vertex_words.model(plant)}"
     left = "x′" if plant.kind == "continuous" else "x⁺"
     terms = words.listed(sorted({name for m in plant.modes for name in m.theta_terms}))
     several = " and " in terms
@@ -86,22 +92,25 @@ def tables(plant: Plant) -> tuple[Table, ...]:
                          words.interval(plant.x0_lo[j], plant.x0_hi[j], signal.unit) if vector == "x" else ""))
     signals = table("Signals and their declared ranges", ("signal", "name", "unit", "range", "at the start"), rows)
     parameters = parameter_tables(plant)
+    if plant.polytope is not None:
+        parameters += vertex_words.tables(plant)
     unknown = [row for vector, kind in (("w", "disturbance"), ("v", "noise")) for row in _bounds(plant, vector, kind)]
     if not unknown:
         return (signals, *parameters)
     return signals, *parameters, table("What may act at any time, within these bounds",
-                                       ("signal", "name", "unit", "bounds", "mode"), unknown)
+                                       ("signal", "name", "unit", "bounds", "where"), unknown)
 
 
 def _bounds(plant: Plant, vector: str, kind: str) -> list[tuple[str, ...]]:
     """Rows of w or v: one per channel, or one per channel and mode where the bounds differ."""
     rows = []
     for j, signal in enumerate(getattr(plant, vector)):
-        limits = [(float(getattr(m, f"{vector}_lo")[j]), float(getattr(m, f"{vector}_hi")[j])) for m in plant.modes]
-        same = len(set(limits)) == 1
-        for (lo, hi), mode in zip(limits[:1] if same else limits, plant.modes):
+        limits = [(float(getattr(m, f"{vector}_lo")[j]), float(getattr(m, f"{vector}_hi")[j]))
+                  for m in plant.modes] or [(signal.lo, signal.hi)]
+        where = [m.name for m in plant.modes] if len(set(limits)) > 1 else [everywhere(plant)]
+        for (lo, hi), mode in zip(limits, where):
             rows.append((f"{kind}{words.HARD}{vector}[{j}]", signal.name, signal.unit or words.NONE,
-                         words.interval(lo, hi, signal.unit), "every mode" if same else mode.name))
+                         words.interval(lo, hi, signal.unit), mode))
     return rows
 
 

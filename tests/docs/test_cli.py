@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import pytest
 
 from codegen.cli import main
-from codegen.plant.load import gallery_names, starter
+from codegen.plant.load import gallery_names, load, starter
 
 HOPELESS = """
 format = 1
@@ -130,6 +130,17 @@ def test_plant_errors_are_status_3(made):
     one_line(residua("init", "trolley", cwd=made), 3, "exists already")
     one_line(residua("init", "9lives", cwd=made), 3)
     one_line(residua("certify", "absent.json", cwd=made), 3, "absent.json")
+
+
+def test_a_plant_file_starts_from_any_plant_of_the_gallery(made):
+    """What is written is that plant under another name, its records are found; a name of the gallery holds the cart."""
+    for like in gallery_names():
+        assert "wrote mine.toml" in residua("init", "mine", "--from", like, cwd=made).stdout
+        mine, there = load(made / "mine.toml"), load(like)
+        assert mine.name == "mine" and (mine.x, mine.scenarios) == (there.x, there.scenarios)
+        (made / "mine.toml").unlink()
+    assert "it holds the cart" in residua("init", "fan", cwd=made).stdout
+    one_line(residua("init", "mine", "--from", "fann", cwd=made), 3, "fann", 'Did you mean "fan"?')
 
 
 def test_no_design_is_status_4(made):

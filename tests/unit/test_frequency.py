@@ -11,6 +11,9 @@ from helpers.banks import DATA
 
 from codegen.analysis.frequency import responses
 from codegen.designs import read_design
+from codegen.plant.load import load
+from codegen.plant.model import Signal
+from codegen.report import plant_words
 from codegen.report.frequency_words import words_of
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -72,3 +75,24 @@ def test_the_report_says_it_for_polytopic_observers_with_faults(bank, disc):
     estimator = type(disc.observer)({"float32": replace(t, faults=1)}, disc.observer.supervision)
     estimating = replace(disc, observer=estimator)
     assert words_of(estimating, "float32") == ()  # whose residual is what the faults do
+
+
+def test_the_plant_of_a_polytopic_observer_is_described_by_its_vertices(bank, disc):
+    """Nothing is said of modes; terms of the weights, known terms, disturbances and parameters have their bounds."""
+    for plant in (bank.plant, disc.plant, load("digester"), load("quadrotor")):
+        facts, tables = plant_words.facts(plant), plant_words.tables(plant)
+        text = " ".join(f"{f.term} {f.text}" for f in facts)
+        rows = {t.caption: [[c.text for c in r.cells] for r in t.rows] for t in tables}
+        assert "mode" not in text and "witch" not in text and f"{len(plant.polytope.vertices)}, from" in text
+        unknown = [row[1] for row in rows.get("What may act at any time, within these bounds", [])]
+        assert unknown == [s.name for s in (*plant.w, *plant.v)]
+        terms = [row[0] for row in rows.get("Terms that the weights are made of", [])]
+        assert terms == [z.name for z in plant.polytope.premises]
+    assert rows["Terms that the weights are made of"] == [["turn", "yaw_rate", "[\u22121,\u00a01]"]]
+    assert "Algebraic equations 2: E has rank 2 of 4" in " ".join(
+        f"{f.term} {f.text}" for f in plant_words.facts(disc.plant))
+    known = plant_words.tables(load("digester"))[-1]
+    assert [[c.text for c in row.cells][0] for row in known.rows] == ["2", "4"]
+    measured = replace(disc.plant, theta=(Signal("load", "", 0.5, 1.5, measured=True),))
+    assert [c.text for c in plant_words.tables(measured)[1].rows[0].cells][:3] == [
+        "load", "[0.5,\u00a01.5]", "every vertex"]

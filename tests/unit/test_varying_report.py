@@ -67,7 +67,7 @@ def cells(table):
 
 def test_parameters_are_listed_with_all_that_is_known(heater):
     (table,) = parameter_words.parameter_tables(heater.plant)
-    assert [c.text for c in table.head] == ["theta", "bounds", "mode", "measured", "fastest change"]
+    assert [c.text for c in table.head] == ["theta", "bounds", "where", "measured", "fastest change"]
     assert cells(table) == [
         ["flow", "[0.5, 1.5] kg/s", "open", "yes, to within 0.02 kg/s", "0.5 kg/s/s"],
         ["flow", "[0.5, 0.8] kg/s", "shut", "yes, to within 0.02 kg/s", "0.5 kg/s/s"],
