@@ -111,7 +111,7 @@ def checked(made):
         change(data["certificate"]["float32"], data["tables"]["float32"])
         return delays.check(data, "float32", list(zip(*(x.tolist() for x in made.plant.limits("x")))))
 
-    assert check() == "delays hold, those after an alarm too"
+    assert check().startswith("delays hold, those after an alarm too")
     return check
 
 
