@@ -17,7 +17,8 @@ KEEP = ("design.json", ".h", ".c", ".g", "resources.json")
 DESIGNS = (("cart", "tnl-interval"), ("digester", "descriptor-fault-estimation"), ("disc", "descriptor-uncertain"),
            ("disc_contact", "descriptor-direct"), ("disc_sensors", "bank"), ("emps", "tnl-interval"),
            ("fan", "zonotope"), ("farhat", "hinf-filter"), ("press", "tnl-interval"), ("quadrotor", "tracking"),
-           ("relay", "tnl-interval"), ("valve", "lpv-interval"), ("vehicle", "hinf-filter"),
+           ("relay", "tnl-interval"), ("valve", "lpv-interval"), ("valve_sliding", "lpv-interval"),
+           ("vehicle", "hinf-filter"),
            ("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"), ("buck", "tnl-interval-lpv"),
            ("chevet", "tnl-interval-lpv"), ("hoist", "tnl-interval-lpv"), ("lamouchi", "component-interval"),
            ("lamouchi_coordinates", "component-interval"), ("motor", "tnl-interval-lpv"),
@@ -27,7 +28,7 @@ DESIGNS = (("cart", "tnl-interval"), ("digester", "descriptor-fault-estimation")
            ("zammali_schedule", "ellipsoid"),
            ("zammali_trace", "ellipsoid"), ("zammali_zonotope", "zonotope"))
 #: Plants of the gallery whose firmware would have the shape of another's, with other numbers.
-LIKE_ANOTHER = ("bioreactor", "lamouchi_detector", "zammali_lpv_ct2")
+LIKE_ANOTHER = ("bioreactor", "lamouchi_detector", "tank", "zammali_lpv_ct2")
 #: Plants whose C calls <math.h>: the last bits of its answers are those of the machine, so that none are kept.
 WITH_LIBM = ("dlpv",)
 #: Methods whose C is that of another method of their family, with other numbers.

@@ -49,18 +49,33 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
     """
     own = seen_apart(design.plant, t, cert, own)
 
-    def claim(id, words, formula, source, code, margins, constants=(*GAINS, "h"), checks=own, of_plant=PLANT):
+    def claim(id, words, formula, source, code, margins, constants=(*GAINS, "h"), checks=own,
+              of_plant=(*PLANT, *FAULTS) if t.faults else PLANT):
         return lambda text: build(id, text, (*plant, *of_plant), words, formula, source, code, constants,
                                   tuple(margins), checks)
 
-    if t.faults:
-        yield from _estimated(design.plant, t, cert, claim, (*own, "rounding", "validation", "target"))
-        return
-    if t.law is None:
+    run = *own, "rounding", "validation", "target"
+    if by_ellipsoid(t, cert):
+        yield from _estimated(design.plant, t, cert, claim, run)
+    elif t.law is None:
         yield from _energy(design.plant, t, cert, claim, own)
     else:
         yield from tracking_claims.of_loop(design.plant, t, cert, claim, own)
-    yield from _thresholds(design.plant, t, cert, claim, (*own, "rounding", "validation", "target"))
+    if not by_ellipsoid(t, cert):
+        yield from _thresholds(design.plant, t, cert, claim, run)
+    if t.faults:
+        yield from _slow(design.plant, cert, claim)
+
+
+def by_ellipsoid(t, cert: dict) -> bool:
+    """Whether the bounds are those of an observer of states and faults whose weights are the plant's.
+
+    Parameters
+    ----------
+    t : PolytopicTables
+    cert : dict
+    """
+    return bool(t.faults) and "share" in cert["thresholds"]
 
 
 def seen_apart(plant, t, cert: dict, checks: tuple) -> tuple:
@@ -75,7 +90,7 @@ def seen_apart(plant, t, cert: dict, checks: tuple) -> tuple:
     """
     held, T1 = cert["thresholds"], cert.get("energy", cert).get("T1")
     known = (hasattr(t, "algebraic") or np.ndim(T1) == 2) and "waits" not in held and "calibration" not in cert
-    known = known and (not t.faults or "share" in held) and read_apart(plant, "near" in held, bool(t.faults))
+    known = known and (not t.faults or by_ellipsoid(t, cert)) and read_apart(plant, "near" in held, bool(t.faults))
     return checks if known else tuple(name for name in checks if name != "independent")
 
 
@@ -182,11 +197,15 @@ def _thresholds(plant, t, cert: dict, claim, checks: tuple):
     apart = (" + min(spread_i, sum_l |r_i sum_v D_lv q_v| (|S_l eb| + room_l) + off spread_i), or of every pair "
              "(i, j) without that, whichever is smaller") if near else ""
     constants = (*GAINS, "M", "h", *(("weights",) if near else ()))
-    yield "while no fault acts no |r| exceeds", claim(
-        "no-alarm", f"A set |r_i eb| <= b_i of the error is kept for {pairs}, whatever disturbance, noise, inputs, the "
+    about = "M r = O eb + V d"
+    if t.faults:
+        about += ", less what the faults do to y"
+    yield "r is what the faults do to y" if t.faults else "while no fault acts no |r| exceeds", claim(
+        "estimate" if t.faults else "no-alarm",
+        f"A set |r_i eb| <= b_i of the error is kept for {pairs}, whatever disturbance, noise, inputs, the "
         "plant between samples and rounding do; each threshold holds the residual over all of it.",
         f"|r_i N_j - sum lambda_k r_k| |eb| + sum |lambda_k| b_k + |r_i W_ij| 1{apart} <= b_i; "
-        "h >= the same of M r = O eb + V d, from anywhere on, and for ever",
+        f"h >= the same of {about}, from anywhere on, and for ever",
         f"{rests} {_first(polytope_near)}" if near else rests, "codegen.certify.polytope_thresholds.check", kept,
         constants, checks)
     yield "once settled r_bound is", claim(
@@ -212,12 +231,15 @@ def _estimated(plant, t, cert: dict, claim, checks: tuple):
         "the faults do to y.", "[share P - N_j' P N_j, -N_j' P W_j; *, D_j - W_j' P W_j] > 0 at every vertex; (h - "
         "room)^2 >= V c' P^-1 c of every row c, V from anywhere on, and for ever", rests, code,
         [tightest("smallest pivot of a vertex", found["kept"], strict=True),
-         tightest("square of what a threshold leaves", found["threshold"])], constants, checks,
-        of_plant=(*PLANT, *FAULTS))
+         tightest("square of what a threshold leaves", found["threshold"])], constants, checks)
     yield "once settled r_bound is", claim(
         "settled", "The last level holds for ever, and the level from anywhere comes down to it.",
         "share V + tau <= V; h[last] as above", rests, code, [tightest("what the last level leaves", found["last"])],
         ("h",), checks)
+
+
+def _slow(plant, cert: dict, claim):
+    """Modes that are slower than the decay asked for."""
     known = fault_estimators.slow_modes(plant)
     for name, mode in cert["slow"]:
         if name not in known:
@@ -235,8 +257,9 @@ def _estimated(plant, t, cert: dict, claim, checks: tuple):
 def ranges(design, t, cert: dict, build: type, checks: tuple):
     """State where plant and observer start."""
     plant = fault_estimators.with_faults(design.plant) if t.faults else design.plant
-    checks = seen_apart(design.plant, t, cert, checks)
-    if t.faults:
+    checks, module = seen_apart(design.plant, t, cert, checks), polytope_thresholds
+    if by_ellipsoid(t, cert):
+        module = fault_sets
         started = [(c.left, c.where) for c in fault_estimators.conditions(design.plant, t, cert) if c.what == "start"]
     else:
         started = [(Q(a) - Q(b), d.when) for d in polytopic_designs.demands(design.plant, t, cert) if d.what == "start"
@@ -251,8 +274,7 @@ def ranges(design, t, cert: dict, build: type, checks: tuple):
                  "file declares", ("signals.x", "initial.x_lo", "initial.x_hi"),
                  "Init takes a row whose bounds hold its box, reset the first one; z starts within its limits.",
                  "|r_i| |T1 E x0 - z0| <= bounds of the row of init; z_lo <= z0, z_mid <= z_hi",
-                 f"own derivation: {_first(fault_sets if t.faults else polytope_thresholds)}",
-                 "codegen.certify.fault_sets.check" if t.faults else "codegen.certify.polytope_thresholds.check",
+                 f"own derivation: {_first(module)}", f"{module.__name__}.check",
                  ("z0", "z_mid", "z", "h"), (
                      tightest("bounds that init takes beyond those of the initial box", started),
                      tightest("room of the start of z within its limits", inside),

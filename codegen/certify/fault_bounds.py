@@ -23,8 +23,8 @@ from flint import fmpq
 
 from .exact import Q, eye, product, rational, zeros
 from .filter_model import JointMode
-from .polytope_error import standard_errors
-from .polytope_ranges import columns, middle
+from .polytope_error import of_faults, standard_errors
+from .polytope_ranges import Ranges, columns
 from .polytope_rounding import rounding
 from .program_error import program_errors
 from .rounding import input_error
@@ -47,17 +47,14 @@ def slips(t, premises=()) -> Slips:
     Parameters
     ----------
     t : PolytopicTables
-        Its weights read only estimates that are outputs: rows of T2 with a single 1, of F, G, K with zeros.
+        Its weights read only estimates that are outputs.
     premises : sequence of Premise
         The reciprocals of their widths, constants of the weights alone, are made of rounded ends.
     """
     units = 4 + max(((abs(Q(p.lo)) + abs(Q(p.hi))) / (Q(p.hi) - Q(p.lo)) for p in premises), default=fmpq(0))
     inputs = []
-    for k in range(t.T2.shape[0]):
-        row = np.flatnonzero(t.T2[k])
-        exact = len(row) == 1 and t.T2[k, row[0]] == 1 and not t.gains[:, k].any() and t.z0[k] == t.z_mid[k] == 0
-        i = int(row[0]) if exact else -1
-        inputs.append(_read(t.y_lo[i], t.y_hi[i], t.real) if exact else None)
+    for i in t.outputs:
+        inputs.append(_read(t.y_lo[i], t.y_hi[i], t.real) if i >= 0 else None)
     inputs += [_read(lo, hi, t.real) for side in ("u", "theta")
                for lo, hi in zip(getattr(t, f"{side}_lo"), getattr(t, f"{side}_hi"))]
     found = [*program_errors(t.weights, inputs, t.real, units)[:len(t.F)],
@@ -104,11 +101,12 @@ def model(plant, problem, t, T1: Array, period: float | None, bend: Array) -> tu
     errors, off = standard_errors(tied, held, T1, period), slips(t, plant.polytope.premises)
     slip = rounding(t, off.size)
     F, K, C, T2, G, known = (rational(getattr(t, key)) for key in ("F", "K", "C", "T2", "G", "known"))
-    x, inputs, d = ranges(plant, problem)
+    box = Ranges.of(plant, problem)
+    x, inputs, d = box.x, box.u, box.d
     width = problem.B.shape[2]
     passed = eye(p) - product(C, T2)
     seen = errors.residual.copy()
-    seen[:, 2 * n - t.faults:2 * n] -= rational(problem.C)[:, n - t.faults:]  # what the faults are in y
+    seen[:, n:2 * n] -= of_faults(problem, t.faults)
     noise = [passed * slip.y, C * slip.x_hat, np.diag(slip.r) if p else zeros(0, 0)]
     room = abs(columns([(seen[:, n:2 * n], x), (seen[:, 2 * n:2 * n + width], inputs), (seen[:, 2 * n + width:], d)],
                        noise)).sum(axis=1)
@@ -126,21 +124,6 @@ def model(plant, problem, t, T1: Array, period: float | None, bend: Array) -> tu
         W = columns([(A[:n, n:], x), (B[:n, :width], inputs), (B[:n, width:], d)], own)
         out.append(JointMode(A[:n, :n], W, (), seen[:, :n], zeros(p, n), room))
     return tuple(out), product(errors.T1[0], rational(problem.E))
-
-
-def ranges(plant, problem) -> tuple:
-    """Middle and half width of (x, f), of (u, g) and of (w, v, f), the latter two in their units.
-
-    Parameters
-    ----------
-    plant : Plant
-        Its x holds states and faults.
-    problem : DescriptorProblem
-    """
-    known = [np.array([getattr(g, end) for g in plant.polytope.known], dtype=float) for end in ("lo", "hi")]
-    u = [np.concatenate(ends) for ends in zip(plant.limits("u"), known)]
-    d = [np.concatenate(ends) for ends in zip(plant.limits("w"), plant.limits("v"), plant.limits("f"))]
-    return middle(*plant.limits("x")), middle(*u, problem.u_unit), middle(*d, problem.d_unit)
 
 
 def spoken(t) -> list[Array]:

@@ -11,6 +11,10 @@ column of W for all of them, and half widths, one column each. Nothing is said o
 A continuous plant moves between samples. Its mean weights and disturbance over a period are weights and a disturbance
 again, so that only the change of x since the sample is left over: T1 sum_i h_i A_i (x(t) - x), see ``polytope_drift``.
 
+Faults of sensors that are part of the state drive nothing but what rounding leaves of T1 E + T2 C = I, and where they
+act on the state too, that; the weights are those of x_hat, which is x less the error, fault or not. So the bounds hold
+for every course of the faults within their ranges, of the residual less what the faults do to y.
+
 Rounding is bounded in ``polytope_rounding``.
 """
 
@@ -23,7 +27,7 @@ import numpy as np
 from .exact import Q, eye, product, rational, zeros
 from .filter_model import JointMode
 from .polytope_drift import Drift, drift
-from .polytope_error import ErrorModel, standard_errors
+from .polytope_error import ErrorModel, of_faults, standard_errors
 from .polytope_ranges import Ranges, columns, largest
 from .polytope_rounding import Rounding, rounding
 
@@ -108,6 +112,8 @@ def model(plant, problem, t, T1: Array, period: float | None,
     n, m, p = len(problem.E), problem.B.shape[2], len(problem.C)
     C, T2, M = (rational(getattr(t, key)) for key in ("C", "T2", "M"))
     seen = product(M, errors.residual)
+    if t.faults:  # r is held against what they do to y, fault or not
+        seen[:, n:2 * n] -= product(M, of_faults(problem, t.faults))
     noise = [product(M, eye(p) - product(C, T2)) * slip.y, product(M, C) * slip.x_hat, M * slip.r,
              eye(p) * slip.weighted]
     room = abs(columns([(seen[:, n:2 * n], box.x), (seen[:, 2 * n:2 * n + m], box.u), (seen[:, 2 * n + m:], box.d)],

@@ -129,6 +129,20 @@ def standard_errors(problem, gains, T1: Array, period: float | None = None) -> E
     return ErrorModel(eye(n), p["E"], S, pairs, z[:, :2 * n], z[:, 2 * n:], residual, tuple(T for T, _ in own))
 
 
+def of_faults(problem, faults: int) -> Array:
+    """What the faults among the states do to y: C with their columns alone, rational.
+
+    Parameters
+    ----------
+    problem : DescriptorProblem
+        Its last states are the faults.
+    faults : int
+    """
+    C, plain = rational(problem.C), problem.C.shape[1] - faults
+    C[:, :plain] = fmpq(0)
+    return C
+
+
 def direct_errors(problem, gains) -> ErrorModel:
     """Error of an observer in descriptor form.
 

@@ -77,7 +77,7 @@ def errors_of(problem, gains, proof: dict) -> ErrorModel:
     return replace(model, C=z[:, :2 * n], D=z[:, 2 * n:])
 
 
-def check(problem, gains, proof: dict) -> list[str]:
+def check(problem, gains, proof: dict, about: str = "inputs and disturbances") -> list[str]:
     """Check level and decay on the constants of the firmware; return what is proved, one sentence per claim.
 
     Parameters
@@ -88,6 +88,8 @@ def check(problem, gains, proof: dict) -> list[str]:
     proof : dict
         "form", "time" ("continuous" or "discrete"), "gamma", "level2", and "Y1", "X1", "Y2", "X2" (continuous) or
         "P1", "P2", "R" (discrete; of "descriptor" "Re" and "Rc" too); "decay" or "contraction", "euler" or None.
+    about : str
+        What u and d are, in words.
 
     Returns
     -------
@@ -104,8 +106,8 @@ def check(problem, gains, proof: dict) -> list[str]:
     judge = continuous if proof["time"] == "continuous" else discrete
     claims = judge(problem.names, model, proof, level)
     tied = len(problem.pairs) < len(problem.names) ** 2
-    return [f"H-infinity: from rest the energy of z stays below {proof['gamma']:.6g}^2 times that of inputs and "
-            "disturbances, for all weights of plant and observer, however they move"
+    return [f"H-infinity: from rest the energy of z stays below {proof['gamma']:.6g}^2 times that of {about}, for all "
+            "weights of plant and observer, however they move"
             + (", the same in both for what is known exactly" if tied else ""), *claims]
 
 

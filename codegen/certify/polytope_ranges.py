@@ -33,9 +33,14 @@ class Ranges:
         ----------
         plant : Plant
         problem : DescriptorProblem
+            With known terms behind the inputs, and faults behind disturbance and noise, where it has so many.
         """
-        d = [np.concatenate(ends) for ends in zip(plant.limits("w"), plant.limits("v"))]
-        return cls(middle(*plant.limits("x")), middle(*plant.limits("u"), problem.u_unit), middle(*d, problem.d_unit))
+        known = [np.array([getattr(g, end) for g in plant.polytope.known], dtype=float) for end in ("lo", "hi")]
+        u, d = [plant.limits("u")], [plant.limits("w"), plant.limits("v")]
+        u += [known] if problem.B.shape[2] > plant.n_u else []
+        d += [plant.limits("f")] if problem.Bd.shape[2] > plant.n_w + plant.n_v else []
+        ends = [[np.concatenate(side) for side in zip(*some)] for some in (u, d)]
+        return cls(middle(*plant.limits("x")), middle(*ends[0], problem.u_unit), middle(*ends[1], problem.d_unit))
 
 
 def middle(lo: Array, hi: Array, unit: Array | None = None) -> tuple[Array, Array]:

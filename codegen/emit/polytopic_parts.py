@@ -115,7 +115,7 @@ def parts(t: PolytopicTables, s, names: Names, signals: tuple) -> Parts:
         laws=() if t.law is None else (law_view(t, names, y, _operations(t, sums) + _weights(t, sums["x_hat"])),),
         anew="false" if t.faults else "again && (out->raw == 0U)",
         sure=("out->assured = 1U; /* the faults are part of the estimate and spoil nothing */",) if t.faults else (),
-        again="anew || (!kept) || (!inside)" if t.faults else "anew || (!kept)")
+        again="anew || (!kept) || (!inside)" if t.faults and not t.at_estimate else "anew || (!kept)")
     return Parts(
         noun=ESTIMATED if t.faults else THRESHOLDS,
         header="polytopic.h.jinja", self_test="harness/test_polytopic.c.jinja", bits=bits, maps=(),

@@ -19,8 +19,8 @@ that has been seen, and a z that has run into its limits. So nothing that the fi
 only higher thresholds for a while. While a fault is seen nothing starts again: the estimate goes on.
 
 Where faults are part of the estimate (``PolytopicTables.faults``) they spoil nothing: what is assured stays so while
-they act, and nothing starts again at their end. There the weights are the plant's: where they are not in force nothing
-is assured, and the thresholds start again.
+they act, and nothing starts again at their end. Where the weights are not in force nothing is assured; where they are
+the plant's, of outputs that are exact, the thresholds start again, too.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ class PolytopicObserver(Runner):
         sure = measured | free if t.faults else np.where(measured, assured, free)
         out.assured[on] = (sure & inside)[on]
         after = np.where(after >= t.z_lo, np.where(after <= t.z_hi, after, t.z_hi), t.z_lo)
-        spoilt = ~inside if t.faults else again & ~fault
+        spoilt = ~inside & (not t.at_estimate) if t.faults else again & ~fault
         since = np.where(kept & seen & ~spoilt, np.minimum(self.since + 1, t.last << t.shift), 0)
         self.z, self.y = np.where(on[:, None], after, self.z), np.where(seen[:, None], y, self.y)
         self.since = np.where(on, since, self.since)

@@ -129,6 +129,20 @@ class PolytopicTables:
         return np.arange(len(self.z0))
 
     @property
+    def outputs(self) -> Array:
+        """Per entry of x_hat the output that it is, with nothing of z in it; -1 where it is none (n,)."""
+        alone = np.sum(self.T2 != 0, axis=1) == 1
+        alone &= (self.T2.max(axis=1, initial=0) == 1) & (self.z0 == 0) & (self.z_mid == 0)
+        alone &= ~self.gains.any(axis=(0, 2))
+        return np.where(alone, np.argmax(self.T2 != 0, axis=1), -1)
+
+    @property
+    def at_estimate(self) -> bool:
+        """Whether the weights read entries of x_hat that are no output."""
+        read = {k for op in self.weights.operations for k in op.args if k < len(self.T2)}
+        return any(self.outputs[k] < 0 for k in read)
+
+    @property
     def weighted(self) -> bool:
         """Whether the answer is another one than r."""
         return not np.array_equal(self.M, np.eye(len(self.M)))

@@ -75,6 +75,7 @@ class Implicit:
         r = form.r
         self.rows, self.columns = form.P[r:], form.Q[:, r:]
         self.forward = form.Q[:, :r] @ form.P[:r]
+        self.algebraic = self.columns @ self.columns.T  # where the next solution is looked for
 
     def consistent(self, x: Array, g: Callable[[Array], tuple[Array, Array]]) -> Array:
         """Return x with its algebraic coordinates moved to where the algebraic rows of g are zero.
@@ -167,7 +168,7 @@ def simulated(
             return lambda z: true(z, moving, theta[now], w[now], f[k])
         x[k] = state = solver.consistent(state, at(k * pieces, 0.0))
         if plant.kind != "continuous":
-            state = solver.forward @ at(k, 0.0)(state)[0]
+            state = solver.forward @ at(k, 0.0)(state)[0] + solver.algebraic @ state
             continue
         for i in range(pieces):
             now = k * pieces + i

@@ -49,7 +49,7 @@ def simulate_many(plant: Plant, runs: Sequence[tuple[Scenario, int]]) -> list[Pl
             return lambda z: true(z, moving, theta[:, now], w[:, now], f[:, k])
         x[:, k] = state = _consistent(solver, state, at(k * pieces, 0.0))
         if plant.kind != "continuous":
-            state = at(k, 0.0)(state)[0] @ solver.forward.T
+            state = at(k, 0.0)(state)[0] @ solver.forward.T + state @ solver.algebraic
             continue
         for i in range(pieces):
             now = k * pieces + i

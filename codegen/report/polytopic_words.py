@@ -114,16 +114,25 @@ def fault_facts(design, real: str) -> tuple[Fact, ...]:
     rate = "/s" if plant.kind == "continuous" else " per sample"
     slow = "; ".join(f"{name} by {words.number(mode, 4)}{rate}" for name, mode in cert["slow"])
     known = f" and {words.count(len(plant.polytope.known), 'known term')}" if plant.polytope.known else ""
+    weights = (f"{len(plant.polytope.vertices)} vertices{known}, of inputs, parameters and outputs that are exact: "
+               "those of the plant")
+    level = ()
+    if "energy" in cert:
+        weights = (f"{len(plant.polytope.vertices)} vertices, at the estimate, which a sensor's fault does not move: "
+                   "the proof is for all weights of plant and observer, however they move")
+        level = (Fact("Energy gain from inputs, disturbances and faults to the error of the faults",
+                      f"certified {words.at_most(cert['level'], 4)} on the constants of the C; the solver claimed "
+                      f"{words.number(cert['claimed'], 4)} before rounding"),)
+    bounds = ("guaranteed, with and without faults: y − C x_hat is what the faults do to y, and no further from it "
+              "than r_bound; the error is followed over every input, disturbance and weight within the declared "
+              "ranges, with the rounding of the C")
     return (Fact("Estimated", f"{words.count(plant.n_f, 'fault')} behind the states in x_hat, however they move: no "
                  "model of a fault is part of the observer"),
-            Fact("Weights", f"{len(plant.polytope.vertices)} vertices{known}, of inputs, parameters and outputs that "
-                 "are exact: those of the plant"),
+            Fact("Weights", weights), *level,
             Fact("Steps", f"explicit Euler, {words.seconds(plant.sample_period)}; what the plant does beside them is "
                  "part of the bounds" if plant.kind == "continuous" else "none: plant and observer step alike"),
             *((Fact("Slower than the decay asked for, and moved by no observer", slow),) if slow else ()),
-            Fact("Bounds", "guaranteed, with and without faults: y − C x_hat is what the faults do to y, and no "
-                 "further from it than r_bound; the error is followed over every input, disturbance and weight within "
-                 "the declared ranges, with the rounding of the C"))
+            Fact("Bounds", bounds if "calibration" not in cert else calibrated(cert["calibration"])))
 
 
 def tables(design, real: str) -> tuple[Table, ...]:

@@ -20,7 +20,7 @@ from ..observers import PolytopicObserver, PolytopicTables, Supervision
 from ..plant.model import Plant
 from .filter_calibration import ROUNDING, asked
 from .filter_tables import LENGTH, above
-from .polytopic_tables import BEYOND, limited
+from .polytopic_tables import BEYOND, frozen, limited
 
 Array = np.ndarray
 #: Samples and runs that tell the size of residuals before there are thresholds.
@@ -47,12 +47,60 @@ def settled(trace, q: Array) -> Array:
     return size.astype(float).max(axis=1)
 
 
-def waiting(plant: Plant, problem, t: PolytopicTables, proof: dict) -> PolytopicTables:
-    """Tables that judge nothing until a start is forgotten; their last row is no threshold yet.
+def with_thresholds(plant: Plant, whole: Plant, problem, t: PolytopicTables, proof: dict,
+                    options: dict) -> tuple[PolytopicTables, dict]:
+    """Tables with thresholds, guaranteed or, where that is asked for, calibrated.
 
     Parameters
     ----------
     plant : Plant
+    whole : Plant
+        Its x holds the faults too, where they are estimated.
+    problem : DescriptorProblem
+        Of these states.
+    t : PolytopicTables
+        Of ``polytopic_tables.tables_of``.
+    proof : dict
+        Of ``polytope_gain``.
+    options : dict
+        Of ``[observer]``.
+
+    Returns
+    -------
+    tables : PolytopicTables
+    cert : dict
+        "thresholds", and "calibration" where they are calibrated.
+
+    Raises
+    ------
+    DesignError
+        No set of the error is kept and nothing is calibrated, or no run settles.
+    """
+    rows, asked_for = options.get("set_rows"), options.get("threshold") == "calibrated"
+    try:
+        t, held = frozen(whole, problem, t, np.array(proof["T1"]), proof.get("period"),
+                         None if rows is None else int(rows), options.get("mismatch", "bounded") == "bounded")
+    except DesignError as error:
+        if not asked_for:
+            raise DesignError(f'{error} Or take thresholds from simulated runs: observer.threshold = "calibrated".'
+                              ) from None
+        t = waiting(plant, whole, problem, t, proof)
+        held = {"waits": t.last << t.shift}
+    if not asked_for:
+        return t, {"thresholds": held}
+    t, said = calibrated(plant, t, held, options)
+    if "waits" in held:
+        polytope_waiting.check(whole, problem, t, proof)
+    return t, {"thresholds": held, "calibration": said}
+
+
+def waiting(plant: Plant, whole: Plant, problem, t: PolytopicTables, proof: dict) -> PolytopicTables:
+    """Tables that judge nothing until a start is forgotten; their last row is no threshold yet.
+
+    Parameters
+    ----------
+    plant, whole : Plant
+        As in `with_thresholds`.
     problem : DescriptorProblem
     t : PolytopicTables
         Of ``polytopic_tables.tables_of``.
@@ -65,11 +113,11 @@ def waiting(plant: Plant, problem, t: PolytopicTables, proof: dict) -> Polytopic
         The error does not contract.
     """
     first = np.reshape(np.array(proof["T1"]), (-1, *problem.E.shape))[0] @ problem.E
-    near = limited(plant, t, first, 0 * plant.x0_lo)
-    gains, (_, start) = polytope_waiting.starting(plant, problem, near, proof)
+    near = limited(whole, t, first, 0 * whole.x0_lo)
+    gains, (_, start) = polytope_waiting.starting(whole, problem, near, proof)
     reach = np.sqrt(np.diag(np.linalg.inv(np.array(proof["P1"]))) * float(start))
-    t = limited(plant, t, first, BEYOND * reach)
-    gains, (begun, start) = polytope_waiting.starting(plant, problem, t, proof)
+    t = limited(whole, t, first, BEYOND * reach)
+    gains, (begun, start) = polytope_waiting.starting(whole, problem, t, proof)
     most = above(raised(polytope_waiting.beyond_reach(t)), t.real)
     open_ = replace(t, h=np.array([most], t.real), start=0, shift=0)
     u, y, q, theta = side_by_side(fault_free_runs(plant, Population(PILOT), RUNS, 1))
@@ -123,7 +171,7 @@ def calibrated(plant: Plant, t: PolytopicTables, held: dict, options: dict) -> t
     return replace(t, h=np.concatenate([t.h[:-1], last[None]])), said
 
 
-def whole(t: PolytopicTables, calibration: dict) -> PolytopicTables:
+def uncalibrated(t: PolytopicTables, calibration: dict) -> PolytopicTables:
     """The tables before they were calibrated; where there was no threshold what no measurement exceeds.
 
     Parameters
@@ -152,7 +200,7 @@ def check(plant: Plant, t: PolytopicTables, c: dict) -> list[str]:
         A threshold is not what the runs give, or the confidence is more than they allow.
     """
     u, y, q, theta = stated_runs(plant, c, c["rank"] * t.h.shape[1])
-    trace = Designed(plant, whole(t, c)).observer.run_many(u, y, q, t.real, theta=theta)
+    trace = Designed(plant, uncalibrated(t, c)).observer.run_many(u, y, q, t.real, theta=theta)
     beyond = np.sum(settled(trace, q) > t.h[-1].astype(float) * (1 + ROUNDING), axis=0)
     if np.any(beyond >= c["rank"]):
         i = int(np.argmax(beyond))

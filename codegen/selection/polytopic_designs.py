@@ -26,12 +26,13 @@ from ..synthesis import hminus_hinf
 from ..synthesis.descriptor_gains import StandardGains, euler_gains, rounded, standard_gains
 from ..synthesis.descriptor_lmi import Bounds
 from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, problem_of, scaled, scaling_of
+from ..synthesis.fault_problem import fault_problem
 from ..synthesis.hminus_hinf import Faults
 from . import fault_estimators, polytopic_calibration
 from .descriptors import DESIGNS, SPARE, euler_limit, problem_and_scaling
 from .descriptors import certified as certified_energy
 from .detectors import certified_band, faults_of
-from .polytopic_tables import frozen, tables_of
+from .polytopic_tables import tables_of, without_dust
 
 Array = np.ndarray
 #: Where the plant file says nothing: largest gain, in the units of the design; decay as a share of the slowest mode's.
@@ -159,29 +160,11 @@ def constants(proposal: Proposal, real: str) -> tuple[StandardGains, Array, Arra
         gains = euler_gains(problem, found, s, period, real)
     else:
         gains = standard_gains(problem if period is None else by_steps(problem, period), found, s, real)
-    gains = without_dust(gains, proposal, real)
+    gains = without_dust(gains, s, problem.u_unit, real)
     weight = getattr(found, "M", None)
     M = np.eye(len(problem.C)) if weight is None else rounded(weight / s.outputs, real)
     T1 = s.factor1(found.T1)
     return gains, M, T1[0] if T1.ndim == 3 and np.all(T1[0] == T1) else T1
-
-
-def without_dust(gains: StandardGains, proposal: Proposal, real: str) -> StandardGains:
-    """Gains without entries that do less, in the units of the design, than the type rounds: they cost operations.
-
-    Parameters
-    ----------
-    gains : StandardGains
-    proposal : Proposal
-    real : {"float32", "float64"}
-    """
-    s, u = proposal.s, proposal.problem.u_unit
-    units = {"T2": s.outputs, "F": s.columns, "G": u, "K": s.outputs}
-    moved = {k: np.abs(getattr(gains, k)) * units[k] / s.columns[:, None] for k in units}
-    most = max(np.max(moved[k], initial=0.0) for k in "FGK")
-    least = {"T2": np.max(moved["T2"], initial=0.0)} | dict.fromkeys("FGK", most)
-    return replace(gains, **{k: np.where(moved[k] < np.finfo(real).eps / 4 * least[k], 0.0, getattr(gains, k))
-                             for k in units})
 
 
 def certified(plant: Plant, proposal: Proposal, options: dict, real: str) -> tuple[PolytopicTables, dict]:
@@ -211,26 +194,26 @@ def certified(plant: Plant, proposal: Proposal, options: dict, real: str) -> tup
     start |= {} if proposal.period is None else {"period": proposal.period}
     start |= {"M": M.tolist()} if proposal.method == "hminus-hinf" else {}
     gamma, proof, _ = certified_energy(proposal.problem, gains, start, proposal.s)
-    rows, bare = options.get("set_rows"), tables_of(plant, gains, M, real)
-    calibrated = options.get("threshold") == "calibrated"
-    try:
-        t, held = frozen(plant, proposal.problem, bare, T1, proposal.period, None if rows is None else int(rows),
-                         options.get("mismatch", "bounded") == "bounded")
-    except DesignError as error:
-        if not calibrated:
-            raise DesignError(f'{error} Or take thresholds from simulated runs: observer.threshold = "calibrated".'
-                              ) from None
-        t = polytopic_calibration.waiting(plant, proposal.problem, bare, proof)
-        held = {"waits": t.last << t.shift}
+    t, held = polytopic_calibration.with_thresholds(plant, plant, proposal.problem, tables_of(plant, gains, M, real),
+                                                    proof, options)
     cert = {"kind": "polytopic", "level": gamma, "claimed": proposal.found.gamma, "energy": proof,
-            "limit": proposal.limit, "thresholds": held, "steady_box": None}
+            "limit": proposal.limit, "thresholds": held["thresholds"], "steady_box": None}
     if proposal.method == "hminus-hinf":
         cert |= sensitivity(plant, proposal, options, gains, M, start)
-    if calibrated:
-        t, cert["calibration"] = polytopic_calibration.calibrated(plant, t, held, options)
-        if "waits" in held:
-            polytope_waiting.check(plant, proposal.problem, t, proof)
-    return t, cert
+    return t, cert | held
+
+
+def about(plant: Plant, t: PolytopicTables) -> tuple[Plant, DescriptorProblem]:
+    """Plant and problem that a certificate is about: with the faults among the states where they are estimated.
+
+    Parameters
+    ----------
+    plant : Plant
+    t : PolytopicTables
+    """
+    if t.faults:
+        return fault_estimators.with_faults(plant), fault_problem(plant)[0].whole
+    return plant, problem_of(plant, plant.options.get("channel", "state") if t.law is None else "state")
 
 
 def sensitivity(plant: Plant, proposal: Proposal, options: dict, gains: StandardGains, M: Array, about: dict) -> dict:
@@ -286,14 +269,16 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
     """
     if "share" in cert["thresholds"]:
         return fault_estimators.check(plant, t, cert)
-    problem, proof = problem_of(plant, plant.options.get("channel", "state")), cert["energy"]
+    (own, problem), proof = about(plant, t), cert["energy"]
     expected = plant.sample_period if plant.kind == "continuous" else None
     if proof.get("period") != expected or proof["gamma"] != cert["level"]:
         raise CertificateError(f"certificate: period {proof.get('period')} and level {cert['level']} (found), expected "
                                f"{expected} and {proof['gamma']}. Design again.")
     if not np.array_equal(proof.get("M", t.M), t.M):
         raise CertificateError("certificate: the level is one of another weight of the residual. Design again.")
-    claims, c = check_energy(problem, t, proof), cert.get("calibration")
+    driven = "inputs, disturbances and faults, z being the error of the faults in units of their ranges"
+    claims = check_energy(problem, t, proof, driven) if t.faults else check_energy(problem, t, proof)
+    c = cert.get("calibration")
     if "band" in cert:
         if cert["band"]["period"] != expected:
             raise CertificateError(f"certificate: the band is one by steps of {cert['band']['period']} (found), "
@@ -302,13 +287,13 @@ def check(plant: Plant, t: PolytopicTables, cert: dict) -> list[str]:
     if "waits" in cert["thresholds"]:
         if c is None or c["guaranteed"] is not None:
             raise CertificateError("certificate: the thresholds rest on nothing. Design again.")
-        polytope_waiting.check(plant, problem, t, proof)
+        polytope_waiting.check(own, problem, t, proof)
     else:
-        guaranteed = t if c is None else polytopic_calibration.whole(t, c)
+        guaranteed = t if c is None else polytopic_calibration.uncalibrated(t, c)
         if np.any(t.h[-1] > guaranteed.h[-1]):
             raise CertificateError("certificate: a calibrated threshold is above the guaranteed one.")
         T1 = np.array(proof.get("T1", []))
-        polytope_thresholds.check(plant, problem, guaranteed, cert["thresholds"], T1, expected)
+        polytope_thresholds.check(own, problem, guaranteed, cert["thresholds"], T1, expected)
     return sentences(plant, t, cert, claims, None if c is None else polytopic_calibration.check(plant, t, c))
 
 
@@ -321,7 +306,7 @@ def inequalities(plant: Plant, t: PolytopicTables, cert: dict) -> Iterator[tuple
     t : PolytopicTables
     cert : dict
     """
-    problem, proof = problem_of(plant, plant.options.get("channel", "state")), cert["energy"]
+    (_, problem), proof = about(plant, t), cert["energy"]
     for kind, i, j, S in discrete_inequalities(errors_of(problem, t, proof), proof, Q(proof["level2"])):
         yield kind, f'observer at "{problem.names[j]}"' + (f', plant at "{problem.names[i]}"' if i is not None else
                                                           ""), S
@@ -336,13 +321,13 @@ def demands(plant: Plant, t: PolytopicTables, cert: dict) -> Iterator[Demand]:
     t : PolytopicTables
     cert : dict
     """
-    problem = problem_of(plant, plant.options.get("channel", "state") if t.law is None else "state")
+    own, problem = about(plant, t)
     T1 = np.array((cert if t.law is not None else cert["energy"]).get("T1", []))
     period = plant.sample_period if plant.kind == "continuous" else None
     if "waits" in cert["thresholds"]:
-        return polytope_waiting.demands(plant, problem, t, cert["energy"])
-    guaranteed = polytopic_calibration.whole(t, cert["calibration"]) if "calibration" in cert else t
-    return polytope_thresholds.demands(plant, problem, guaranteed, cert["thresholds"], T1, period)
+        return polytope_waiting.demands(own, problem, t, cert["energy"])
+    guaranteed = polytopic_calibration.uncalibrated(t, cert["calibration"]) if "calibration" in cert else t
+    return polytope_thresholds.demands(own, problem, guaranteed, cert["thresholds"], T1, period)
 
 
 def band_inequalities(plant: Plant, t: PolytopicTables, cert: dict) -> list[tuple[str, Array]]:
@@ -380,7 +365,11 @@ def sentences(plant: Plant, t: PolytopicTables, cert: dict, energy: list[str],
         f"Euler steps of {plant.sample_period:g} s: those of this observer decay below {cert['limit']:.4g} s with "
         "weights that stand still; at this period the recursion itself is certified, for weights that move"]
     if instead is not None:
-        return [*energy, *steps, *instead, f"once settled r_bound is {last}"]
+        slow = fault_estimators.slow_words(plant, cert) if t.faults else []
+        return [*energy, *steps, *instead, f"once settled r_bound is {last}", *slow]
+    if t.faults:
+        weights = polytope_thresholds.weights_words(plant.polytope, cert["thresholds"])
+        return [*energy, *fault_estimators.promises(plant, t, cert, f", {weights}")]
     return [*energy, *steps,
             "while no fault acts no |r| exceeds its r_bound at any sample, so there is no false alarm, "
             f"{polytope_thresholds.weights_words(plant.polytope, cert['thresholds'])}, rounding included ({t.real}, "

@@ -13,6 +13,7 @@ from ..observers import DescriptorTables, PolytopicTables
 from ..plant.model import Plant
 from ..plant.weight_program import weight_program
 from ..synthesis.descriptor_gains import StandardGains
+from ..synthesis.descriptor_problem import Scaling
 from .filter_tables import ABOVE, LENGTH, RAISED, Chooser, above, grouped
 from .polytopic_near import NearChooser, lower
 
@@ -90,6 +91,24 @@ def read_parameters(plant: Plant, real: str) -> dict:
     return {"columns": tuple(j for j, _ in read),
             "theta_lo": np.array([down(Q(s.lo) - Q(s.error), real) for _, s in read], dtype=real),
             "theta_hi": np.array([up(Q(s.hi) + Q(s.error), real) for _, s in read], dtype=real)}
+
+
+def without_dust(gains: StandardGains, s: Scaling, u_unit: Array, real: str) -> StandardGains:
+    """Gains without entries that do less, in the units of the design, than the type rounds: they cost operations.
+
+    Parameters
+    ----------
+    gains : StandardGains
+    s : Scaling
+    u_unit : ndarray (m,)
+    real : {"float32", "float64"}
+    """
+    units = {"T2": s.outputs, "F": s.columns, "G": u_unit, "K": s.outputs}
+    moved = {k: np.abs(getattr(gains, k)) * units[k] / s.columns[:, None] for k in units}
+    most = max(np.max(moved[k], initial=0.0) for k in "FGK")
+    least = {"T2": np.max(moved["T2"], initial=0.0)} | dict.fromkeys("FGK", most)
+    return replace(gains, **{k: np.where(moved[k] < np.finfo(real).eps / 4 * least[k], 0.0, getattr(gains, k))
+                             for k in units})
 
 
 def limited(plant: Plant, t: PolytopicTables, T1E: Array, room: Array) -> PolytopicTables:

@@ -117,7 +117,7 @@ METHODS = {
                                   "observer with weights at its estimate, designed in discrete time",
                                   "Lopez-Estrada (2014), Theorem C.2.1", descriptor_discrete, automatic=False),
     "descriptor-fault-estimation": Method(("continuous or discrete polytopic descriptor",), "polytopic",
-                                          "states and sensor faults, weights and known terms of exact measurements",
+                                          "states and sensor faults, weights of exact measurements or at the estimate",
                                           "Lopez-Estrada (2014), Theorem 3.7.1", descriptor_fault_estimation,
                                           automatic=False),
     "hminus-hinf": Method(("continuous polytopic descriptor",), "polytopic",

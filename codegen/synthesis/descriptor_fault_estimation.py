@@ -17,7 +17,10 @@ inequalities, it need not be stable. Elsewhere T1 (A_i - A_j) x drives the error
 plant's own storage, as in ``descriptor_discrete``.
 
 A direction whose mode no observer moves (``fault_problem.unmoved``) and that is slower than the decay asked for keeps
-its own; the decay is then asked of the quotient by it, V2' (N' P N - c^2 P) V2 <= 0 with V2' P v = 0.
+its own; the decay is then asked of the quotient by it, V2' (N' P N - c^2 P) V2 <= 0 with V2' P v = 0. Where the weights
+are not the plant's, too, what they are wrong by is held along it by nothing but its own slow decay: a level would be as
+large as that is slow, beyond what a solver tells from infeasible. There the level is one for weights that are known,
+vertices with the same A on what is kept share their gain, and what comes out is for offline use.
 
 The level is from d and from errors of the model, a hundredth of a step in every row, to the faults in units of their
 ranges; with it gains stay as small as the decay allows.
@@ -39,13 +42,16 @@ from ..errors import DesignError
 from . import fault_problem
 from .descriptor_gains import StandardGains, rounded
 from .descriptor_lmi import MARGIN, Bounds, assembled, he, minus, solve
-from .descriptor_problem import TOLERANCE, Scaling
+from .descriptor_problem import CALIBRATED, TOLERANCE, Scaling
 from .fault_problem import FaultProblem, told, unmoved
 
 Array = np.ndarray
+#: Options of bounds where the weights are at the estimate: rows of the set, how far apart the weights may be,
+#: thresholds from simulated runs.
+AT_ESTIMATE = {"set_rows": (4, 400), "mismatch": ("bounded", "any"), **CALIBRATED}
 #: Options of ``[observer]``: decay rate (1/s; per sample of a discrete plant), bound of the gains in the units of
 #: the design, delay of sure alarms.
-OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "within": (0, 50)}
+OPTIONS = {"decay": (0.0, 1e9), "gain": (1e-6, 1e9), "within": (0, 50), **AT_ESTIMATE}
 #: Entries below that, in the units of the design, are what a solver leaves of zeros.
 NOTHING = 1e-9
 #: Error of the model that the level counts beside d, as a share of a step.
@@ -60,7 +66,7 @@ class FaultDesign:
     ----------
     T1 : ndarray (n, n), T2 : ndarray (n, p), K : ndarray (h, n, p)
     gamma : float
-        What the solver claims.
+        What the solver claims; where there is something `slow` with weights that are known, whether they are or not.
     slow : list of (str, float)
         What moves together by a mode that is slower than the decay asked for, and that mode.
     """
@@ -100,11 +106,17 @@ def design(problem: FaultProblem, bounds: Bounds) -> FaultDesign:
     k, p, step = len(problem.kept), len(problem.outputs), bounds.period
     A, B, Bd = moves(problem, step)
     slow = [(v, s) for v, s in unmoved(problem) if slower(s, bounds)]
+    first, pairs = list(range(len(A))), problem.whole.pairs  # the first vertex that shares the gain, of each
+    known = problem.tied or bool(slow)
+    if known and not problem.tied:
+        first = [next(i for i in range(j + 1) if np.array_equal(A[i][:, problem.kept], A[j][:, problem.kept]))
+                 for j in first]
+        pairs = tuple((i, i) for i in sorted(set(first)))
     P, unit, level = cp.Variable((k, k), symmetric=True), cp.Variable(), cp.Variable()
     W = cp.Variable((k, len(N))) if len(N) else None
     PT = P @ T1 + (W @ N[:, :problem.n_x] if len(N) else 0)
     PT2 = P @ T2 + (W @ N[:, problem.n_x:] if len(N) else 0)
-    Q = [cp.Variable((k, p)) for _ in A]
+    Q = {j: cp.Variable((k, p)) for j in sorted(set(first))}
     conditions = [P >> unit * np.eye(k), unit >= MARGIN, level >= bounds.least**2]
     if len(N):
         conditions.append(cp.sigma_max(W) <= bounds.gain * unit)
@@ -113,12 +125,12 @@ def design(problem: FaultProblem, bounds: Bounds) -> FaultDesign:
     if slow:
         conditions.append(V2.T @ P @ V == 0)
     contraction = np.exp(-bounds.decay * (1.0 if step is None else step))
-    for a, q in zip(A, Q):
-        PN = PT @ a[:, problem.kept] + q @ problem.C
+    for j, q in Q.items():
+        PN = PT @ A[j][:, problem.kept] + q @ problem.C
         M = assembled([[contraction**2 * V2.T @ P @ V2, (V2.T @ PN @ V2).T], [V2.T @ P @ V2]])
         conditions += [cp.sigma_max(q) <= bounds.gain * unit, M >> 0]
-    plant = Plant(problem, (A, B, Bd)) if not problem.tied else None
-    for i, j in problem.whole.pairs:
+    plant = None if known else Plant(problem, (A, B, Bd))
+    for i, j in pairs:
         M = assembled(_pair(problem, (i, j), (A, B, Bd), (P, PT, T2, Q[j]), plant, level, step))
         conditions.append(M >> MARGIN * np.eye(M.shape[0]))
     if plant is not None:
@@ -127,7 +139,7 @@ def design(problem: FaultProblem, bounds: Bounds) -> FaultDesign:
         raise DesignError(f"descriptor-fault-estimation: no observer was found. {hints(problem, bounds)}")
     back = np.linalg.inv(P.value)
     T1, T2 = back @ PT.value, back @ PT2.value
-    return assembled_whole(problem, T1, T2, [back @ q.value for q in Q], float(np.sqrt(max(level.value, 0.0))),
+    return assembled_whole(problem, T1, T2, [back @ Q[j].value for j in first], float(np.sqrt(max(level.value, 0.0))),
                            [(told(problem, v), s) for v, s in slow])
 
 

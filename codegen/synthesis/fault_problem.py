@@ -166,10 +166,11 @@ def inapplicable(plant) -> str | None:
         return (f"the fault {unseen[0]} acts on no output (its column of Df is zero); how it moves is not modelled, so "
                 "that nothing tells it from the state. Estimate faults of sensors, or make it a disturbance.")
     reads = unknown_to_the_weights(plant)
-    if reads:
-        return (f"its weights read {reads}, which no output gives exactly, expected inputs, parameters measured "
-                "without error and states that an output is, without noise, fault or input: the bounds rest on weights "
-                "that plant and observer share. Choose factors that vary with these.")
+    if reads and p.known:
+        return (f"its weights read {reads}, which no output gives exactly, beside known terms, expected inputs, "
+                "parameters measured without error and states that an output is, without noise, fault or input: the "
+                "bounds of known terms rest on weights that plant and observer share. Choose factors that vary with "
+                "these.")
     return unseen_by(*fault_problem(plant), plant.kind)
 
 

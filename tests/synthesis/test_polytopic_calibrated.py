@@ -23,7 +23,7 @@ from codegen.observers import PolytopicObserver, Supervision
 from codegen.plant.load import loads
 from codegen.report.polytopic_words import facts, tables
 from codegen.report.verdict import purpose
-from codegen.selection.polytopic_calibration import check, whole
+from codegen.selection.polytopic_calibration import check, uncalibrated
 from codegen.selection.polytopic_designs import certified, propose
 from codegen.synthesis.descriptor_problem import problem_of
 
@@ -117,4 +117,4 @@ def test_waiting_is_checked():
             polytope_waiting.check(*given, tables_, proof)
     with pytest.raises(CertificateError, match="does not contract"):
         polytope_waiting.samples_needed([1], 1, 1.0, np.ones(1))
-    assert np.all(whole(t, d.certificate["float32"]["calibration"]).h[-1] >= t.h[0])
+    assert np.all(uncalibrated(t, d.certificate["float32"]["calibration"]).h[-1] >= t.h[0])
