@@ -40,7 +40,7 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
     own : tuple of str
         Checks by exact arithmetic.
     """
-    unseen = tuple(name for name in own if name != "independent")  # which says nothing of what follows an alarm,
+    unseen = tuple(name for name in own if name != "independent")  # which says nothing of faults,
     exact = own if "witnesses" in cert else unseen  # nor of delays without the multipliers that prove them
     rooms = _rooms(design, t, HELD)  # before the delays, which rest on tables that hold the plant
     found = mode_certificate.proved(bounded(design.plant), t, cert)
@@ -91,8 +91,7 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
             "restart", "From the declared range every wrong hypothesis is dead in time: " + story + ".",
             "the same programs, begun in the declared range",
             [stated("restart", "delay after an alarm beyond the proved one"),
-             stated("calm", "samples until all holds again beyond the proved ones")], constants=(*BOXES, "v", "wide"),
-            checks=(*unseen, "validation"))
+             stated("calm", "samples until all holds again beyond the proved ones")], constants=(*BOXES, "v", "wide"))
     for f in cert.get("faults", ()):
         yield f'a step of the fault "{f["channel"]}"', claim(
             f"found-{f['channel']}", "What is possible a sample after the fault came would have lived through it: "

@@ -14,9 +14,20 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
 from independent import demand, exact  # noqa: E402 - stands beside this file
+from independent_formula import unknown  # noqa: E402
 from independent_member import Member, largest  # noqa: E402
+from independent_sector import read_plant as read  # noqa: E402
 from independent_source import TABLE, flat, functions, numbers  # noqa: E402
-from independent_vertices import read_plant  # noqa: E402
+
+
+def read_plant(text):
+    """The plant, continuous and with faults of sensors alone; one Bw for all vertices."""
+    p = read(text)
+    p["Bw"] = p["vertices"][0]["Bw"]
+    unknown(p["period"] is None or p["known"] or p["theta"] or any(v["Bw"] != p["Bw"] or any(map(any, v["Bf"]))
+                                                     for v in p["vertices"]))
+    p["vertices"] = [(v["A"], v["B"]) for v in p["vertices"]]
+    return p
 
 
 def check_calibration(t, cert):
