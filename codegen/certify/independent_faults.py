@@ -173,7 +173,8 @@ def main(folder, design, record):
     """Check a folder of an observer of states and faults."""
     if any("energy" in cert for cert in design["certificate"].values()):
         import independent_estimate  # which rests on this file
-        return independent_estimate.main(folder, design, record)
+        independent_estimate.main(folder, design, record)
+        return
     p = read_plant(design["plant"]["toml"])
     unknown(design["family"] != "polytopic" or p["theta"] or any("law" in t for t in design["tables"].values()))
     whole, moved = with_faults(p), bend(p) if p["period"] is not None else None
