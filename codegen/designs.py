@@ -211,17 +211,23 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
     if isinstance(t, SlidingTables):
         return sliding_claims.check(plant, t, cert)
     if isinstance(t, FilterTables):
-        return filter_designs.check(plant, t, cert)
+        return filter_designs.check(plant, t, cert) + between_samples(plant)
     if isinstance(t, PolytopicTables):
         return (polytopic_designs if t.law is None else tracking_designs).check(plant, t, cert)
     if isinstance(t, BankTables):
         return bank_claims.check(plant, t, cert)
-    claims = (set_claims.check if isinstance(t, PointTables) else check)(plant.observed.modes, t, cert)
-    if plant.kind == "continuous":
-        claims.append(f"between samples, {plant.sample_period:g} s apart, disturbances and parameters may move as they "
-                      "like within their bounds and rates: the tables enclose the continuous plant at the samples (the "
-                      "transition over a period, recomputed in ball arithmetic at each check)")
-    return claims
+    if isinstance(t, PointTables):
+        return set_claims.check(plant.enclosed.modes, t, cert) + between_samples(plant)
+    return check(plant.observed.modes, t, cert) + between_samples(plant)
+
+
+def between_samples(plant: Plant) -> list[str]:
+    """What is claimed of the time between the samples of a continuous plant."""
+    if plant.kind != "continuous":
+        return []
+    return [f"between samples, {plant.sample_period:g} s apart, disturbances and parameters may move as they like "
+            "within their bounds and rates: the tables enclose the continuous plant at the samples (the transition "
+            "over a period, recomputed in ball arithmetic at each check)"]
 
 
 def recheck(design: Design) -> dict[str, list[str]]:

@@ -142,9 +142,11 @@ def _applies(p: Plant, name: str, entry) -> str:
     reason = entry.module.inapplicable(p)
     if reason is not None:
         return reason
-    if not entry.framers:
-        return "yes"
     try:
+        if entry.sets or entry.family == "filter":
+            _ = p.enclosed  # a period may be too long for the plant
+        if not entry.framers:
+            return "yes"
         reason = obstruction(Problem.of(p, entry.tnl, getattr(entry.module, "SPLIT", False)))
     except DesignError as error:
         return str(error).removeprefix(f"{p.name}: ")

@@ -87,11 +87,12 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
         One per channel of ``plant.f``.
     """
     if isinstance(t, PointTables):
-        found = point_detection.thresholds(plant, t, cert, within)
+        found = point_detection.thresholds(plant.enclosed, t, cert, within)
         return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
     if isinstance(t, FilterTables):
         calibrated = cert.get("calibration")
-        found = filter_detection.thresholds(plant, t, within, calibrated and np.array(calibrated["guaranteed"]))
+        quiet = calibrated and np.array(calibrated["guaranteed"])
+        found = filter_detection.thresholds(plant.enclosed, t, within, quiet)
         return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
     if isinstance(t, PolytopicTables):
         found = polytopic_detection.thresholds(plant, t, within, cert.get("calibration"))

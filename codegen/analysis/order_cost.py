@@ -91,7 +91,7 @@ def recursion(plant, t) -> ErrorRecursion:
     -------
     m : ErrorRecursion
     """
-    modes = plant.observed.modes
+    modes = plant.enclosed.modes
 
     def stacked(name: str) -> Array:
         return np.array([getattr(mode, name) for mode in modes], dtype=float)

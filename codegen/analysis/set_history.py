@@ -149,7 +149,7 @@ def noise_alone(plant, t: PointTables) -> ErrorRecursion | None:
     plant : Plant
     t : PointTables
     """
-    modes = plant.observed.modes
+    modes = plant.enclosed.modes
     A, C, Bw, Dv = (np.stack([getattr(m, name) for m in modes]) for name in ("A", "C", "Bw", "Dv"))
     half = {v: np.stack([centre(getattr(m, f"{v}_lo"), getattr(m, f"{v}_hi"))[1] for m in modes]) for v in "wv"}
     try:

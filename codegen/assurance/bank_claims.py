@@ -19,7 +19,7 @@ PARTS = ("T2", "C", "F", "G", "K", "M", "z0")
 #: What leaves its bounds where a fault is found, and the constants behind that: none is promised to be found.
 SEEN = ("level", ("bound", "rate"))
 PLANT = ("time.kind", "time.sample_period", "nonlinear.E", "nonlinear.f", "nonlinear.premise", "nonlinear.A",
-         "nonlinear.B", "E", "vertex.A", "vertex.B", "vertex.weight")
+         "nonlinear.B", "E", "vertex.A", "vertex.B", "vertex.weight", "signals.theta")
 FAULTS = ("Df", "signals.f")
 OPTIONS = ("observer.probability", "observer.confidence", "observer.margin", "observer.seed", "scenario.u",
            "initial.x_lo", "initial.x_hi")

@@ -11,9 +11,12 @@ import inspect
 from dataclasses import dataclass
 from itertools import zip_longest
 
+from flint import fmpq
+
 from ..analysis.detectability import surely_detected
 from ..certify import claims as certificate
 from ..certify import containment, criteria, freeze
+from ..certify.exact import Q
 from ..errors import CertificateError
 from . import (
     bank_claims,
@@ -24,6 +27,7 @@ from . import (
     mode_claims,
     point_claims,
     polytopic_claims,
+    sampling_claims,
     sliding_claims,
 )
 from .margins import Margin
@@ -38,6 +42,22 @@ MATRICES = ("A", "B", "C", "D", "Bw", "Dv")
 OWN = {"filter": filter_claims, "mode": mode_claims, "driven": driven_claims, "polytopic": polytopic_claims,
        "descriptor": polytopic_claims, "sliding": sliding_claims, "bank": bank_claims, "follower": follower_claims}
 PLANT = (*MATRICES, "signals.x", "signals.u", "signals.y", "signals.w", "signals.v", "mode.bounds", "constants")
+
+
+@dataclass(frozen=True)
+class Box:
+    """What measured parameters may read, error included, of a plant that has no modes."""
+
+    name: str
+    theta_lo: tuple[fmpq, ...]
+    theta_hi: tuple[fmpq, ...]
+
+    @classmethod
+    def of(cls, plant) -> Box:
+        """The box of a polytopic plant."""
+        read = [s for s in plant.theta if s.measured]
+        return cls("the plant", *(tuple(Q(getattr(s, end)) + sign * Q(s.error) for s in read)
+                                  for end, sign in (("lo", -1), ("hi", 1))))
 
 
 @dataclass(frozen=True)
@@ -90,11 +110,13 @@ def claims(design, real: str) -> list[Claim]:
     CertificateError
         A sentence of the certificate has no condition here, or a condition does not hold.
     """
-    t, cert, modes = design.observer.tables[real], design.certificate[real], design.plant.observed.modes
+    t, cert, plant = design.observer.tables[real], design.certificate[real], design.plant
     out, point = [], hasattr(t, "shape")
-    own = OWN.get(design.observer.family)
-    made = point_claims.of_certificate(design, t, cert, modes, Claim, PLANT, EXACT) if point else (
-        own.of_certificate(design, t, cert, Claim, PLANT, EXACT) if own else _of_certificate(design, t, cert, modes))
+    own, modes = OWN.get(design.observer.family), (plant.enclosed if point else plant.observed).modes
+    of = tuple(dict.fromkeys((*PLANT, *sampling_claims.entries(design))))
+    made = point_claims.of_certificate(design, t, cert, modes, Claim, of, EXACT) if point else (
+        own.of_certificate(design, t, cert, Claim, of, EXACT) if own else _of_certificate(design, t, cert, modes))
+    made = (*made, *sampling_claims.of_certificate(design, t, Claim, of, EXACT))
     for (begins, make), sentence in zip_longest(made, design.claims(real), fillvalue=("no other", None)):
         if make is None or not isinstance(sentence, str) or not sentence.startswith(begins):
             raise CertificateError(f"assurance: no condition is known for the claim {sentence!r} (expected one that "
@@ -102,7 +124,7 @@ def claims(design, real: str) -> list[Claim]:
         out.append(_held(make(sentence)))
     start = point_claims.ranges(design, t, Claim, EXACT) if point else (
         own.ranges(design, t, cert, Claim, EXACT) if own else _ranges(design, t))
-    others = [start, *_parameters(t, modes), *_monitor(design, cert)]
+    others = [start, *_parameters(t, modes or [Box.of(design.plant)]), *_monitor(design, cert)]
     return [*out, *map(_held, others), *_detection(design, t, cert, real), *_of_the_c()]
 
 

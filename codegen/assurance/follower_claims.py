@@ -74,7 +74,7 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
 
 def held_by_set(plant, t, cert: dict) -> dict[str, list[Margin]]:
     """By how much the conditions of the observer's set hold, where it is told its mode."""
-    return point_margins.HELD[cert["set"]](plant.observed.modes, t.told, cert)
+    return point_margins.HELD[cert["set"]](plant.enclosed.modes, t.told, cert)
 
 
 def starts(t) -> list[Margin]:

@@ -101,7 +101,7 @@ def samples_needed(rate: float, contraction: float, reach: float, bound: float) 
     return high
 
 
-def output_gain(problem, gains, M: Array, T1: Array, P1: Array, period: float) -> Array:
+def output_gain(problem, gains, M: Array, T1: Array, P1: Array, period: float | None) -> Array:
     """M C as it acts on eb, exact (k, n).
 
     Parameters
@@ -111,7 +111,8 @@ def output_gain(problem, gains, M: Array, T1: Array, P1: Array, period: float) -
     M : ndarray (k, p)
     T1 : ndarray (h, n, n)
     P1 : object array (n, n)
-    period : float
+    period : float or None
+        Of Euler steps.
     """
     return level_model(problem, gains, M, T1, period).C[:, :len(P1)]
 
@@ -125,7 +126,7 @@ def check(problem, gains, M: Array, proof: dict, start: dict, t) -> dict[str, fm
     gains : StandardGains
     M : ndarray (k, p)
     proof : dict
-        Of `polytope_detection.check`, sampled: with "period", "T1", "level".
+        Of `polytope_detection.check`, where steps are taken: "T1", "level", "period" of Euler's.
     start : dict
         "gain2": square of g, "member": its number.
     t : BankTables
@@ -135,7 +136,7 @@ def check(problem, gains, M: Array, proof: dict, start: dict, t) -> dict[str, fm
     CertificateError
     """
     P1, T1, p = rational(np.array(proof["level"]["P1"])), np.array(proof["T1"]), start["member"]
-    out = output_gain(problem, gains, M, T1, P1, proof["period"])
+    out = output_gain(problem, gains, M, T1, P1, proof.get("period"))
     if leading_failure(Q(start["gain2"]) * P1 - product(out.T, out)) is not None:
         raise CertificateError(f"certificate: the residual of member {p} may be larger than {start['gain2']:.6g} "
                                "claims.")

@@ -42,7 +42,7 @@ def check(plant, t, cert: dict) -> list[str]:
     if cert["told"]["set"] != t.set:
         raise CertificateError(f'certificate: of a set "{cert["told"]["set"]}", the tables have a set "{t.set}". '
                                "Design again.")
-    set_claims.check(plant.observed.modes, t.told, cert["told"])
+    set_claims.check(plant.enclosed.modes, t.told, cert["told"])
     first, *others = mode_certificate.check(plant, t, cert)
     table = [f"its set is {starts.words(t.told.shape)}"] if t.by_table else []
     return [first,

@@ -13,7 +13,7 @@ from math import comb
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
-from independent import demand, exact  # noqa: E402 - stands beside this file
+from independent import demand, exact, sub  # noqa: E402 - stands beside this file
 from independent_formula import unknown  # noqa: E402
 from independent_member import Member, largest  # noqa: E402
 from independent_sector import read_plant as read  # noqa: E402
@@ -21,12 +21,23 @@ from independent_source import TABLE, flat, functions, numbers  # noqa: E402
 
 
 def read_plant(text):
-    """The plant, continuous and with faults of sensors alone; one Bw for all vertices."""
+    """The plant with faults of sensors alone, one Bw for all vertices, and the pairs of vertices.
+
+    A discrete plant E x+ = A x + .. is one of Euler steps of period 1 with A - E, exactly. What weights read of inputs
+    and exactly measured parameters is the same in plant and observer.
+    """
     p = read(text)
-    p["Bw"] = p["vertices"][0]["Bw"]
-    unknown(p["period"] is None or p["known"] or p["theta"] or any(v["Bw"] != p["Bw"] or any(map(any, v["Bf"]))
-                                                     for v in p["vertices"]))
-    p["vertices"] = [(v["A"], v["B"]) for v in p["vertices"]]
+    n, m, vertices = len(p["x"]), len(p["u"]), p["vertices"]
+    unknown(p["known"] or any(v["Bw"] != vertices[0]["Bw"] or any(map(any, v["Bf"])) for v in vertices))
+    p["Bw"], p["euler"], p["period"] = vertices[0]["Bw"], p["period"], p["period"] or F(1)
+    known = {*range(n, n + m), *(n + m + k for k, e in enumerate(p["errors"]) if not e)}
+    p["theta"] = [(a - e, b + e) for (a, b), e in zip(p["theta"], p["errors"])]
+    tied = -1 if p["read"] <= known else 0  # bits of vertices
+    for bit, (key, *_) in enumerate(p["premises"] or []):
+        tied |= all(i in known for i, e in enumerate(key) if e) << bit
+    every = range(len(vertices))
+    p["pairs"] = [(i, j) for i in every for j in every if not (i ^ j) & tied]
+    p["vertices"] = [(v["A"] if p["euler"] else sub(v["A"], p["E"]), v["B"]) for v in vertices]
     return p
 
 
@@ -41,6 +52,14 @@ def check_calibration(t, cert):
     words = r"1 to (\d+) measurements in succession missing .* paid for by (\d+) others"
     lost = re.fullmatch(words, c["conditions"][-1])
     demand(lost and [int(n) for n in lost.groups()] == [t["bridge"], t["gap"]], "lost samples of the campaign")
+
+
+def check_parameters(plant, t):
+    """All parameters are read, and their bounds accepted, error of measurement included."""
+    count = len(plant["theta"])
+    demand(t.get("columns", []) == list(range(count)), "columns of the parameters")
+    for lo, hi, (a, b) in zip(t.get("theta_lo", []), t.get("theta_hi", []), plant["theta"], strict=True):
+        demand(F(lo) <= a and F(hi) >= b, "bounds of a parameter")
 
 
 def check_words(plant, t, cert, claims):
@@ -89,9 +108,10 @@ def check_source(text, header, t, prefix):
     patterns = re.search(r"pattern\[\w+\] = \{(.*?)\}", text)
     demand(patterns and [int(x, 16) for x in re.findall(r"0x[0-9A-F]+", patterns[1])] == [
         whole ^ 1 << k for k in range(count)], "pattern of a fault")
-    bounds = numbers(functions(text, prefix, "[uy]_accepted"), real)
-    demand(sorted(bounds) == sorted(flat([t[k] for k in ("u_lo", "u_hi", "y_lo", "y_hi")])), "ranges that are accepted")
-    rest = functions(text, prefix, r"(?!without|weights|anew|outside|sound|[uy]_accepted)\w+")
+    bounds = numbers(functions(text, prefix, "(?:[uy]|theta)_accepted"), real)
+    ends = [t.get(f"{k}_{side}", []) for k in ("u", "y", "theta") for side in ("lo", "hi")]
+    demand(sorted(bounds) == sorted(flat(ends)), "ranges that are accepted")
+    rest = functions(text, prefix, r"(?!without|weights|anew|outside|sound|[uy]_accepted|theta_accepted)\w+")
     demand(not set(numbers(rest, real)) - {F(0)}, "the C holds a number that no table does")
     for name, value in (("NF", count), ("GAP", t["gap"]), ("CREDIT", t["gap"] * t["bridge"])):
         demand(re.findall(rf"#define \w+_{name} (\d+)U", header) == [str(value)], f"macro {name}")
@@ -110,6 +130,7 @@ def main(folder, design, record):
             m.starts()
             m.limits(exact(t["limit"][k * n:(k + 1) * n]), exact(t["most"][at:at + len(m.M)]))
             at += len(m.M)
+        check_parameters(plant, t)
         check_calibration(t, cert)
         check_words(plant, t, cert, design["proved"][real])
         print(f"proved for {real}: gains, sensitivity, starts, limits of {len(t['members'])} observers; confidence of "

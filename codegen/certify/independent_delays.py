@@ -20,6 +20,7 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
 from independent import demand, exact  # noqa: E402 - stands beside this file
+from independent_hidden import check_faults  # noqa: E402
 from independent_sets import magnitudes, times  # noqa: E402
 from independent_story import Stories, total, up  # noqa: E402
 
@@ -53,6 +54,8 @@ class Delays:
         self.v = [F(b) - F(a) + 2 * c for a, b, c in zip(
             t["v_lo"], t["v_hi"], self.course("settled", exact(cert["widths"])).cut)]
         self.course("begun", [F(b) - F(a) for a, b in zip(t["start_lo"], t["start_hi"])])
+
+    read = staticmethod(read)
 
     def course(self, name, widths):
         """Stories that begin with boxes of these widths."""
@@ -234,5 +237,12 @@ def check(design, real, ranges):
     demand("minimum_dwell" in switching or switching.get("chatter") == 1, "a dwell time between any two switches")
     dwell = F(float(switching.get("minimum_dwell", switching.get("average_dwell"))))
     demand(cert["dwell"] <= floor(dwell / period + F(1, 10**9)), "dwell time")
-    Delays(t, cert, ranges).check()
-    return "delays hold" + (", those after an alarm too" if "restart" in cert else "")
+    delays = Delays(t, cert, ranges)
+    delays.check()
+    said = "delays hold" + (", those after an alarm too" if "restart" in cert else "")
+    if not cert.get("faults"):
+        return said
+    if not any(name.startswith("fault") for name in cert["witnesses"]):
+        return said + "; sizes of faults are not checked here"
+    check_faults(delays, plant)
+    return said + ", faults of the sizes told are found"

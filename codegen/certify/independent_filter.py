@@ -29,7 +29,6 @@ EPS, NIL = 2.0**-52, 1e-290
 def read_plant(text):
     """Modes: every matrix as [middle, effect of each parameter], sizes of w, v and theta; ranges of the signals."""
     p = tomllib.loads(text)
-    demand(p["time"]["kind"] == "discrete", "time")
     names = {k: F(repr(float(v))) for k, v in p.get("constants", {}).items()}
     signals = {k: p["signals"].get(k, []) for k in ("x", "u", "y", "w", "v", "f", "theta")}
     order = sorted(signals["theta"], key=lambda s: s.get("measured", True))
@@ -48,6 +47,8 @@ def read_plant(text):
             mode[k] = [max(abs(F(float(b))) for b in bounds.get(s["name"], s["bounds"])) for s in signals[k]]
         modes.append(mode)
     ranges = {k: [s["range"] for s in signals[k]] for k in "xuyf"}
+    if p["time"]["kind"] == "continuous":
+        modes = __import__("independent_sampled").of_filter(text, modes)  # stands beside this file
     return modes, ranges, list(zip(p["initial"]["x_lo"], p["initial"]["x_hi"]))
 
 

@@ -1,11 +1,12 @@
 """One observer of a bank, checked again: gain, sensitivity, start, limits; ``independent_bank.py`` rests on it.
 
 Standard library only, nothing of residua imported; exact fractions. Member p reads y_p, all outputs but those of its
-fault; the plant takes Euler steps. With T1_j E + T2* C = I next to the member's T2 and e = T1 E x - z,
+fault; the plant takes Euler steps, or its own. With T1_j E + T2* C = I next to the member's T2 and e = T1 E x - z,
 
     e+ = T1_j (E x+) - F_j x_hat - G_j u + K_j r,   x_hat = (I - (T2* - T2) C) x - e + T2 v,   r = C x + v - C x_hat,
 
-for plant and observer at any pair of vertices. E is diagonal, of ones and zeros; other plants are not known (status 2).
+for plant and observer at any pair of vertices that both can be at. E is diagonal, of ones and zeros; other plants are
+not known (status 2).
 """
 
 import sys
@@ -92,8 +93,16 @@ class Member:
         demand(not any(row[i] for row in base for i in self.Z), "T1 E + T2 C = I")
         self.TE = base
         self.T1 = [[[F(T[i][j]) if j in self.Z else base[i][j] for j in range(n)] for i in range(n)]
-                   for T in self.proof["T1"]]
+                   for T in self.every(self.proof["T1"])]
         demand(len(self.T1) == len(self.F) == len(plant["vertices"]), "a T1 for every vertex")
+
+    def every(self, T1):
+        """T1 of every vertex, one where both are at one vertex: what is zero is so for a mixture of them alone."""
+        count = len(self.plant["vertices"])
+        if not isinstance(T1[0][0], list):
+            return [T1] * count
+        demand(len(self.plant["pairs"]) == count ** 2, "T1 of every vertex where both are at one")
+        return T1
 
     def negative(self, S, words):
         """Refuse unless a symmetric matrix is negative definite."""
@@ -115,7 +124,9 @@ class Member:
         out, wide, P1, P2, R = mul(self.M, r), 2 * n + m + q, self.P1, exact(proof["P2"]), exact(proof["R"])
         demand(surely_positive(P1) and surely_positive(P2) and turned(P1) == P1 and turned(P2) == P2, "P1, P2")
         heard, g = mul(turned(out), out), F(proof["level2"])
-        demand(F(self.stored["gamma"]) ** 2 >= g and F(self.proof["period"]) == h, "level or period")
+        told = self.proof.get("period")
+        demand(F(self.stored["gamma"]) ** 2 >= g and (told if told is None else F(told)) == p["euler"],
+               "level or period")
         before = gram(P2, p["E"])
         for i, (A, B) in enumerate(p["vertices"]):
             B = [[a * b for a, b in zip(row, self.u)] for row in B]
@@ -123,7 +134,8 @@ class Member:
                           [[F(0)] * len(v) for _ in range(n)])
             zeros = mul(R, [flow[z] for z in self.Z]) if self.Z else times(F(0), heard)
             plain = add(gram(P2, flow), heard, zeros, turned(zeros))
-            for j, (Fj, G, K) in enumerate(zip(self.F, self.G, self.K)):
+            for j in (b for a, b in p["pairs"] if a == i):
+                Fj, G, K = self.F[j], self.G[j], self.K[j]
                 fed = beside([[F(0)] * 2 * n for _ in range(n)], [[a * b for a, b in zip(row, self.u)] for row in G],
                              [[F(0)] * q for _ in range(n)])
                 step = sub(add(mul(Fj, estimate), fed), mul(K, r))

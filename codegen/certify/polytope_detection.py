@@ -12,6 +12,7 @@ still V' is zero, and |M r|^2 >= b |f|^2 at every such moment.
 
 Sampled, by Euler steps of a period: the level is that in discrete time. Of the criteria "slow" remains, with the
 increments (eb+ - eb)/period and E (x+ - x)/period for the derivatives: they too are zero once everything is settled.
+So it is of a discrete plant, with increments per sample.
 
 Source: F. R. Lopez-Estrada, PhD thesis, Universite de Lorraine, 2014, (4.25), corrected.
 """
@@ -92,23 +93,45 @@ def fault_model(problem, faults, gains, T1: Array, criterion: str, period: float
     CertificateError
         Another criterion.
     """
-    if criterion not in ("all", "slow", "band") or (period is not None and criterion == "all"):
-        raise CertificateError(f"certificate: criterion {criterion!r} (found), expected all or slow; slow where Euler "
+    steps = takes_steps(problem, period)
+    if criterion not in ("all", "slow", "band") or (steps and criterion == "all"):
+        raise CertificateError(f"certificate: criterion {criterion!r} (found), expected all or slow; slow where "
                                "steps are taken.")
     n, m, n_f = len(problem.E), problem.B.shape[2], faults.Df.shape[1]
     as_input = replace(problem, Bd=faults.Bf, Dd=faults.Df, J=np.zeros((len(problem.H), n_f)), d_unit=np.ones(n_f))
     model = standard_errors(as_input, gains, T1, period)
     C, D = model.residual[:, :2 * n], model.residual[:, 2 * n + m:]
     pairs = {pair: (A, B[:, m:]) for pair, (A, B) in model.pairs.items()}
-    if period is not None:
+    if steps:
         now = np.concatenate([np.concatenate([eye(n), zeros(n, n)], axis=1),
                               np.concatenate([zeros(n, n), model.E], axis=1)])
-        pairs = {pair: ((A - now) / Q(period), B / Q(period)) for pair, (A, B) in pairs.items()}
+        each = Q(1 if period is None else period)
+        pairs = {pair: ((A - now) / each, B / each) for pair, (A, B) in pairs.items()}
     if criterion == "slow":
         shift = np.concatenate([product(rational(gains.T2), rational(faults.Df)), zeros(n, n_f)])
         pairs = {pair: (A, B + product(A, shift)) for pair, (A, B) in pairs.items()}
         D = D + product(C, shift)
     return FaultModel(pairs, C, D, model.E, model.S, bool(np.any(faults.Bf)))
+
+
+def takes_steps(problem, period: float | None) -> bool:
+    """Whether plant and observer take steps: those of a discrete plant, or Euler's.
+
+    Parameters
+    ----------
+    problem : DescriptorProblem
+    period : float or None
+        Of Euler steps.
+
+    Raises
+    ------
+    CertificateError
+        Euler steps of a discrete plant.
+    """
+    if problem.kind == "discrete" and period is not None:
+        raise CertificateError(f"certificate: Euler steps of {period:.6g} s of a discrete plant (found), expected its "
+                               "own steps.")
+    return problem.kind == "discrete" or period is not None
 
 
 def check(problem, faults, gains, M: Array, proof: dict) -> list[str]:
@@ -122,7 +145,8 @@ def check(problem, faults, gains, M: Array, proof: dict) -> list[str]:
     M : ndarray (k, p)
     proof : dict
         "T1", "criterion", "level": proof of `polytope_gain.continuous` with "level2", "gamma"; "fault": "level2",
-        "beta", "Y1", and "Y2", "X2" where a fault moves x; with a "period" the level is by `polytope_gain.discrete`.
+        "beta", "Y1", and "Y2", "X2" where a fault moves x; where steps are taken the level is by
+        `polytope_gain.discrete`; "period" of Euler steps.
 
     Returns
     -------
@@ -139,7 +163,7 @@ def check(problem, faults, gains, M: Array, proof: dict) -> list[str]:
         raise CertificateError(f"certificate: gamma {level['gamma']:.9g}, beta {fault['beta']:.9g} (found), expected "
                                "no more than the levels that are proved.")
     period = proof.get("period")
-    judge = continuous if period is None else discrete
+    judge = discrete if takes_steps(problem, period) else continuous
     claims = judge(problem.names, level_model(problem, gains, M, T1, period),
                    level | {"form": "standard", "period": period}, Q(level["level2"]))
     model = fault_model(problem, faults, gains, T1, proof["criterion"], period)

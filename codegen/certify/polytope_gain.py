@@ -185,7 +185,7 @@ def discrete_inequalities(model: ErrorModel, proof: dict, level: fmpq) -> Iterat
         P1, P2, R or the contraction are none.
     """
     P1, P2 = (_positive(proof[key], key, len(model.E)) for key in ("P1", "P2"))
-    n, R = len(model.E), rational(np.array(proof["R"], dtype=float).reshape(-1, model.S.shape[1]))
+    n, R = len(model.E), rational(np.array(proof["R"], dtype=float).reshape(len(proof["R"]), model.S.shape[1]))
     before, own = (product(product(E.T, P), E) for E, P in ((model.E, P2), (model.Ee, P1)))
     free = {key: rational(np.array(proof[key], dtype=float)) for key in ("Re", "Rc") if model.ties}
     for (i, j), (A, B) in model.pairs.items():

@@ -86,14 +86,14 @@ def parts(t: BankTables, s, names: Names, signals: tuple, faults: tuple[str, ...
     s : Supervision
     names : Names
     signals : tuple of tuple of Channel
-        x, u, y and no parameters.
+        x, u, y and measured parameters.
     faults : tuple of str
 
     Returns
     -------
     Parts
     """
-    _, u, y, _ = signals
+    _, u, y, theta = signals
     m, real, n, count = names.macro, names.real_type, len(t.x_lo), len(t.members)
     sums = sum(len(own.M) for own in t.members)
     words: list[Word] = [("wait", "", f"samples until the levels are judged, 0 to {max(t.settle, t.begin)}"),
@@ -117,7 +117,7 @@ def parts(t: BankTables, s, names: Names, signals: tuple, faults: tuple[str, ...
            (word, "ready", "", ("1: the levels of this sample are judged; 0: not yet, or there are none",)),
            (word, "inside", "", ("1: all estimates are where the weights are in force; 0: one is not",)),
            (word, "raised", "", (f"{m}_BIT_ of the observers whose alarm is {t.keep} samples old at most",)))
-    compared = 2 * (len(u) + len(y) + n * count + sums) + count
+    compared = 2 * (len(u) + len(y) + len(theta) + n * count + sums) + count
     views, operations, z, a = [], Operations(0, 0, compared), 0, 0
     for k, own in enumerate(t.members):
         view, counted = _member(names, t, own, k, (z, a), short[k], [c.name for c in y])
@@ -142,7 +142,8 @@ def parts(t: BankTables, s, names: Names, signals: tuple, faults: tuple[str, ...
         limits=tuple(Limited(name, f"{m}_N{name.upper()}", vector_table(table, f"{m}_N{name.upper()}", values, t.real))
                      for name, table, values in (("z", "limit", t.limit), ("a", "most", t.most))),
         patterns=tuple(patterns), keep=f"{t.keep}U", settle=str(t.settle),
-        unread=() if u else ("in",), idle=() if u or reads else ("(void)in;",), bridge=str(t.bridge), gap=str(t.gap))
+        unread=() if u or theta else ("in",), idle=() if u or reads else ("(void)in;",), bridge=str(t.bridge),
+        gap=str(t.gap))
     start = (f"{names.prefix}_anew(s);", f"s->wait = {t.begin}U;", *quiet)
     return Parts(
         noun=MEMBERS, header="bank.h.jinja", self_test="harness/test_bank.c.jinja", bits=bits, maps=(),

@@ -142,7 +142,7 @@ def rounding(design, d: DesignView) -> RoundingView:
             return _of_follower(design.plant, t, names, d)
         about = _of_points if hasattr(t, "shape") else {"filter": _of_filter, "mode": _of_boxes,
                                                         "sliding": _of_pairs}[d.family]
-        modes = (design.plant if d.family in ("mode", "sliding") else design.plant.observed).modes
+        modes = (design.plant if d.family in ("mode", "sliding") else design.plant.enclosed.observed).modes
         return about(modes, t, names, d)
     specs = (*families.specs(design.observer.family, t, names, d.x, d.y), *families.change_specs(t, names, d.x))
     rows, computed = _of_framers(design.plant.observed.modes, t, names, specs)
@@ -228,7 +228,7 @@ def _of_driven(plant, t, names: Names, d: DesignView) -> RoundingView:
 
 def _of_follower(plant, t, names: Names, d: DesignView) -> RoundingView:
     """State the sums of the estimator, of the estimate in every mode, and of S x of its bounds."""
-    told = _of_points(plant.observed.modes, t.told, replace(names, prefix=f"{names.prefix}_told"), d)
+    told = _of_points(plant.enclosed.modes, t.told, replace(names, prefix=f"{names.prefix}_told"), d)
     boxes = itertools.chain(gappa_boxes.sums(plant.modes, t, names.prefix),
                             gappa_boxes.narrowed(t, names.prefix, "s_told", "the estimate's bounds"))
     operands = {name: Operand(name, *ends) for name, *ends in gappa_boxes.operands(t)}

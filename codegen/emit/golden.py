@@ -132,7 +132,7 @@ def _within_bounds(observer, t, u: Array, q: int, theta: Array, y: Array) -> Arr
     slope that is measured too. Of a filter: a measurement small enough for an estimate within its bounds.
     """
     if hasattr(observer, "quiet_output"):  # bounds over several modes may have gaps
-        return observer.quiet_output(t, u, int(q))
+        return observer.quiet_output(t, u, int(q), theta)
 
     def answer(y: Array) -> Trace:
         trial = copy(observer)

@@ -230,6 +230,8 @@ def weight_lines(w: Program, n_x: int, n_u: int, real: str, kind: str) -> tuple[
             return literal(value, real) if value >= 0 else f"({literal(value, real)})"
         return f"t{k - w.first}"
 
+    if not any(k < n_x for k in (*w.results, *(k for op in w.operations for k in op.args))):
+        lines.append("(void)x_hat;")
     signs = {"add": "+", "sub": "-", "mul": "*", "ge": ">=", "le": "<=", "gt": ">", "and": "&&"}
     for k, op in enumerate(w.operations, w.first):
         a = [name(i) for i in op.args]

@@ -3,6 +3,7 @@ r"""Run-time family "bank": one polytopic observer per fault, each without the s
 Member p has outputs of its own choice, y_p, and answers at every measured sample::
 
     1  x_hat = z + T2 y_p,  r = y_p - C x_hat,  z+ = sum_j h_j (F_j x_hat + G_j u - K_j r)     ``polytopic``
+       h_j of x_hat, u and the parameters that are measured at this sample
     2  a    += rate (M r - a)                    moving average of the weighted residual
     3  level = a' a                              over ``bound``: something is wrong that member p sees
 
@@ -182,7 +183,7 @@ class BankObserver(Runner):
                 now[p] = np.where(new[:, None], now[p], values)
         self.wait, self.credit = np.where(new, self.wait, wait), np.where(new, self.credit, credit)
 
-    def quiet_output(self, t: BankTables, u: Array, q: int) -> Array:
+    def quiet_output(self, t: BankTables, u: Array, q: int, theta: Array) -> Array:
         """A measurement that raises nobody, where one is found; for the golden vectors."""
         draw = Random(int(self.wait[0]))
         for k in range(30):
@@ -190,7 +191,7 @@ class BankObserver(Runner):
                 float))]).astype(t.dtype)
             trial = copy(self)
             trial.guard, out = copy(self.guard), self.empty(t, (1,))
-            trial.sample(t, np.array([True]), np.array([True]), u[None], y[None], np.array([q]), np.zeros((1, 0)), out)
+            trial.sample(t, np.array([True]), np.array([True]), u[None], y[None], np.array([q]), theta[None], out)
             if out.raw_bits[0] == 0:
                 break
         return np.clip(y, t.y_lo, t.y_hi)

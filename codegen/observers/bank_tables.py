@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
 
 from ..algebra.program import Operation, Program
 from .point import plain
+from .polytopic_tables import Measured
 
 Array = np.ndarray
 
@@ -64,6 +65,8 @@ class Member:
 
 #: Matrices of a member, as design.json names them.
 MATRICES = ("T2", "C", "F", "G", "K", "M", "z0")
+#: What design.json has of banks whose weights read parameters.
+PARAMETERS = ("columns", "theta_lo", "theta_hi")
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,10 @@ class BankTables:
         Declared range and initial box.
     u_lo, u_hi : ndarray (m,), y_lo, y_hi : ndarray (n_y,)
         What the input check accepts.
+    columns : tuple of int
+        Of theta, those that are measured.
+    theta_lo, theta_hi : ndarray (J,)
+        What the check accepts of these.
     """
 
     real: str
@@ -115,10 +122,18 @@ class BankTables:
     u_hi: Array
     y_lo: Array
     y_hi: Array
+    columns: tuple[int, ...] = ()
+    theta_lo: Array = field(default_factory=lambda: np.zeros(0))
+    theta_hi: Array = field(default_factory=lambda: np.zeros(0))
 
-    #: No parameters, no other coordinates (``FramerTables``); nothing is cut to the declared range.
-    vary = change = None
+    #: No other coordinates (``FramerTables``); nothing is cut to the declared range.
+    change = None
     clamp = signed = False
+
+    @property
+    def vary(self) -> Measured | None:
+        """The measured parameters, where there are some."""
+        return Measured(self.columns, self.theta_lo[None], self.theta_hi[None]) if self.columns else None
 
     @property
     def A(self) -> Array:
@@ -152,7 +167,9 @@ class BankTables:
                            for m in self.members],
                "weights": {"inputs": w.inputs, "constants": list(w.constants), "results": list(w.results),
                            "operations": [[op.name, *op.args] for op in w.operations]}}
-        return {f.name: own.get(f.name, plain(getattr(self, f.name))) for f in fields(self)}
+        told = [f.name for f in fields(self) if self.columns or f.name not in PARAMETERS]
+        own["columns"] = list(self.columns)
+        return {name: own[name] if name in own else plain(getattr(self, name)) for name in told}
 
     @classmethod
     def from_dict(cls, data: dict, sizes: tuple[int, int, int, int]) -> BankTables:
@@ -176,5 +193,8 @@ class BankTables:
         ranges = {f"{v}_{end}": array(data[f"{v}_{end}"], (k,)) for v, k in lengths.items() for end in ("lo", "hi")}
         sizes = {"bound": len(members), "limit": n * len(members), "most": sum(len(m.M) for m in members)}
         bound, limit, most = (array(data[key], (size,)) for key, size in sizes.items())
+        columns = tuple(data.get("columns", ()))
+        ranges |= {key: array(data.get(key, []), (len(columns),)) for key in PARAMETERS[1:]}
         return cls(data["real"], tuple(members), bound, float(data["rate"]), int(data["settle"]), int(data["begin"]),
-                   int(data["keep"]), int(data["gap"]), int(data["bridge"]), limit, most, weights, **ranges)
+                   int(data["keep"]), int(data["gap"]), int(data["bridge"]), limit, most, weights, columns=columns,
+                   **ranges)

@@ -131,7 +131,7 @@ class ModeObserver(Runner):
             mask = on.reshape(-1, *[1] * (value.ndim - 1))
             setattr(self.guard, name, np.where(mask, getattr(fresh, name), value))
 
-    def quiet_output(self, t: ModeTables, u: Array, q: int) -> Array:
+    def quiet_output(self, t: ModeTables, u: Array, q: int, theta: Array) -> Array:
         """A measurement that mode q explains, where it is possible, else the decided one; for the golden vectors."""
         run = ModeSet(t)
         before = run.cut(self.state, None)

@@ -231,7 +231,7 @@ class SlidingObserver(Runner):
             mask = on.reshape(-1, *[1] * (value.ndim - 1))
             setattr(self.guard, name, np.where(mask, getattr(clear, name), value))
 
-    def quiet_output(self, t: SlidingTables, u: Array, q: int) -> Array:
+    def quiet_output(self, t: SlidingTables, u: Array, q: int, theta: Array) -> Array:
         """A measurement within the bounds of mode q; for the golden vectors."""
         below, above = image(t.H, self.x[0][0, q], self.x[1][0, q], np.zeros(t.sizes[3], t.dtype))
         y = 0.45 * below.astype(float) + 0.55 * above.astype(float)

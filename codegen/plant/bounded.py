@@ -55,11 +55,12 @@ def _mode(plant: Plant, mode: Mode) -> Mode:
     for name, size in most.items():
         base = getattr(mode, name)
         slopes = mode.theta_terms.get(name, [np.zeros_like(base)] * len(plant.theta))
-        middle[name] = base + sum(((a + b) / 2 * S for a, b, S in zip(lo, hi, slopes)), 0 * base)
+        middle[name] = base.copy()
         for i in range(n):
             for k in range(base.shape[1]):
                 ends = [sum((Fraction(b if (S[i, k] > 0) == up else a) * Fraction(S[i, k]) for a, b, S in
                              zip(lo, hi, slopes)), Fraction(base[i, k])) for up in (True, False)]
+                middle[name][i, k] = float(sum(ends) / 2)
                 off = max(abs(end - Fraction(middle[name][i, k])) for end in ends)
                 rest[i] += off * Fraction(size[k])
     radius = np.array([above(r) for r in rest])

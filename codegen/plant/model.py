@@ -255,6 +255,12 @@ class Plant:
         from .uncertain import observed  # model is what uncertain builds on
         return observed(self)
 
+    @cached_property
+    def enclosed(self) -> Plant:
+        """The plant with constant matrices where it is continuous, in discrete time; else the plant itself."""
+        from .enclosed import enclosed
+        return enclosed(self)
+
     @property
     def reads_both_ends(self) -> bool:
         """Whether a step takes the mean of the parameters at both its ends.

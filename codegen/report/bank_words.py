@@ -23,8 +23,9 @@ def facts(design, real: str) -> tuple[Fact, ...]:
     real : {"float32", "float64"}
     """
     c, t, T = design.certificate[real]["calibration"], design.observer.tables[real], design.plant.sample_period
+    steps = "in Euler steps, certified as stepped" if design.plant.kind == "continuous" else "in discrete time"
     return (Fact("Observers", f"{len(t.members)}, each without the sensors of one fault, which cannot move it; "
-                 "designed for sensitivity to the others against disturbance, in Euler steps, certified as stepped"),
+                 f"designed for sensitivity to the others against disturbance, {steps}"),
             Fact("Averages", f"of the weighted residuals, time constant {words.seconds(T / t.rate)}; an alarm holds "
                  f"for {words.seconds(T * t.keep)}"),
             Fact("Threshold", f"calibrated, not guaranteed: above the largest of {c['runs']} runs without fault, of "

@@ -123,8 +123,8 @@ def _family(design) -> str:
 def _varying(design, real: str) -> str:
     """What is added for parameters and unknowns."""
     vary = design.observer.tables[real].vary
-    if vary is None or is_polytopic(design, real):
-        return ""
+    if vary is None or is_polytopic(design, real) or is_bank(design, real):
+        return ", with weights that read measured parameters" * (vary is not None)
     parts = ["constants affine in the measured parameters"] * bool(vary.parameters)
     parts += ["radii for what is only bounded"] * bool(np.any(vary.R) or np.any(vary.S))
     parts += ["bounds of z = Z x, of which those of x are made"] * (design.observer.tables[real].change is not None)
@@ -267,7 +267,8 @@ def bounds_states(design, real: str) -> bool:
 
 def varies(design, real: str) -> bool:
     """Whether the constants depend on parameters or have radii."""
-    return not is_polytopic(design, real) and design.observer.tables[real].vary is not None
+    own = is_polytopic(design, real) or is_bank(design, real)  # their weights alone read some
+    return not own and design.observer.tables[real].vary is not None
 
 
 def hides(design, real: str, channel: str) -> bool:

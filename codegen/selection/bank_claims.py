@@ -16,6 +16,7 @@ from ..observers.bank_tables import BankTables
 from ..plant.model import Plant
 from ..synthesis.bank import member
 from ..synthesis.descriptor_gains import StandardGains
+from ..synthesis.descriptor_problem import pairs_of
 from .descriptors import problem_and_scaling
 from .detectors import faults_of
 
@@ -69,7 +70,7 @@ def rooms(plant: Plant, t: BankTables, cert: dict) -> list[dict]:
                                    f"(found), expected {seen.tolist()}: those that this fault leaves alone.")
         gains = StandardGains(*(getattr(own, key).astype(float) for key in ("T2", "F", "G", "K", "C")))
         proof, M = stored["proof"], own.M.astype(float)
-        if proof.get("period") != plant.sample_period or Q(proof["level"]["gamma"]) > Q(stored["gamma"]) or Q(
+        if proof.get("period") != euler_period(plant) or Q(proof["level"]["gamma"]) > Q(stored["gamma"]) or Q(
                 proof["fault"]["beta"]) < Q(stored["beta"]):
             raise CertificateError(f'certificate: period or levels of the observer of "{fault.name}" are not those '
                                    "that are proved.")
@@ -81,6 +82,16 @@ def rooms(plant: Plant, t: BankTables, cert: dict) -> list[dict]:
         except CertificateError as error:
             raise CertificateError(f'{error} (observer without the sensors of "{fault.name}")') from None
     return left
+
+
+def euler_period(plant: Plant) -> float | None:
+    """Period of the Euler steps in which a plant is judged; None where it is discrete itself.
+
+    Parameters
+    ----------
+    plant : Plant
+    """
+    return plant.sample_period if plant.kind == "continuous" else None
 
 
 def check_limits(t: BankTables, proof: dict, k: int) -> dict:
@@ -111,12 +122,15 @@ def member_words(plant: Plant, t: BankTables, cert: dict, k: int) -> str:
     """
     own = cert["members"][k]
     read = ", ".join(plant.y[i].name for i in t.members[k].seen)
-    name, shrinks = plant.f[k].name, own["proof"]["level"]["contraction"]
+    name, shrinks, h = plant.f[k].name, own["proof"]["level"]["contraction"], euler_period(plant)
+    tied = len(pairs_of(plant)) < len(plant.polytope.vertices) ** 2
+    about = ["what inputs and exact parameters alone weigh is weighed alike in plant and observer"] * tied
+    about += [f"the plant by Euler steps of {h:g} s"] if h is not None else []
     return (f"observer without the sensors of {name}: reads {read} alone, so that {name} cannot move it; the energy of "
             f"its weighted residual stays below {own['gamma']:.5g}^2 times that of inputs and disturbances in units of "
             f"their bounds (from rest, no fault); constant other faults f, in units of their ranges, settle to a "
-            f"residual of at least {own['beta']:.5g} |f| while the weights stand still; its error shrinks by "
-            f"{shrinks:.6g} per sample; the plant by Euler steps of {plant.sample_period:g} s")
+            f"residual of at least {own['beta']:.5g} |f| while the weights stand still; "
+            + "; ".join([f"its error shrinks by {shrinks:.6g} per sample", *about]))
 
 
 def words(plant: Plant, t: BankTables, cert: dict) -> list[str]:

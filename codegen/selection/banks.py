@@ -19,11 +19,12 @@ from ..observers.bank_tables import BankTables, Member
 from ..observers.runner import outward
 from ..plant.model import Plant
 from ..plant.weight_program import weight_program
-from ..synthesis.bank import AVERAGE, BRIDGE, CONFIDENCE, FASTER, GAIN, GAP, KEEP, MARGIN, PROBABILITY, member
+from ..synthesis.bank import AVERAGE, BRIDGE, CONFIDENCE, GAIN, GAP, KEEP, MARGIN, PROBABILITY, decay_of, member
 from ..synthesis.descriptor_lmi import Bounds
 from .bank_claims import check
 from .descriptors import problem_and_scaling
 from .detectors import CertifiedDetector, faults_of, sampled_detector
+from .polytopic_tables import read_parameters
 
 Array = np.ndarray
 #: Samples of a fault-free run that are judged.
@@ -71,14 +72,15 @@ def drafted(plant: Plant, options: dict, real: str, progress: Callable[[str], No
     """
     problem, s = problem_and_scaling(plant)
     faults, period = faults_of(plant), plant.sample_period
-    bounds = Bounds(float(options.get("gain", GAIN)), float(options.get("decay", FASTER * problem.slowest())))
+    bounds = Bounds(float(options.get("gain", GAIN)), float(options.get("decay", decay_of(problem))))
+    free = len(problem.pairs) == len(problem.A) ** 2
     weights, x0 = weight_program(plant.polytope, real), (plant.x0_lo + plant.x0_hi) / 2
     members, detectors = [], []
     for k, fault in enumerate(plant.f):
         progress(f"observer without the sensors of {fault.name} ({real})")
         seen, own, others, units = member(plant, problem, faults, s, k)
         try:
-            found = sampled_detector(own, others, bounds, period, real, units)
+            found = sampled_detector(own, others, bounds, period, real, units, free)
         except (DesignError, CertificateError) as error:
             raise type(error)(f'{plant.name}: observer without the sensors of "{fault.name}": {error}') from None
         g, start = found.gains, x0 - found.gains.T2 @ (found.gains.C @ x0)
@@ -92,7 +94,8 @@ def drafted(plant: Plant, options: dict, real: str, progress: Callable[[str], No
     rate = float(near(np.array(min(1.0, period / float(options.get("average", AVERAGE * period)))), real))
     keep = max(1, round(float(options.get("keep", KEEP * period)) / period))
     t = BankTables(real, tuple(members), np.full(len(members), np.inf, real), rate, 0, 0, keep, GAP,
-                   int(options.get("bridge", BRIDGE)), *_unlimited(members), weights, **ranges)
+                   int(options.get("bridge", BRIDGE)), *_unlimited(members), weights, **ranges,
+                   **read_parameters(plant, real))
     found = [bank_limits.reach(m, rational(np.array(d.proof["level"]["P1"])), d.proof["level"]["contraction"], t)
              for m, d in zip(members, detectors)]
     t = replace(t, limit=np.concatenate([a for a, _ in found]), most=np.concatenate([b for _, b in found]))
@@ -134,7 +137,7 @@ def gain_of(problem, d: CertifiedDetector, k: int) -> dict:
         Number of the member.
     """
     P1, T1 = np.array(d.proof["level"]["P1"]), np.array(d.proof["T1"])
-    out = settling.output_gain(problem, d.gains, d.M, T1, rational(P1), d.proof["period"]).astype(float)
+    out = settling.output_gain(problem, d.gains, d.M, T1, rational(P1), d.proof.get("period")).astype(float)
     root = np.linalg.cholesky(P1)
     return {"member": k, "gain2": float(np.linalg.norm(np.linalg.solve(root, out.T), 2) ** 2 * (1 + 1e-9))}
 
@@ -150,9 +153,9 @@ def levels(t: BankTables, truths: list, observer=None, lost: Array | None = None
     lost : ndarray (N, K) bool, optional
     """
     observer = observer or FAMILIES["bank"]({t.real: t}, Supervision())
-    u, y, q, _ = side_by_side(truths)
+    u, y, q, theta = side_by_side(truths)
     y = y if lost is None else np.where(lost[:, :y.shape[1], None], np.nan, y)
-    return observer.run_many(u, y, np.zeros_like(q), t.real).r
+    return observer.run_many(u, y, np.zeros_like(q), t.real, theta=theta).r
 
 
 def calibrated(plant: Plant, draft: Draft, options: dict, truths: list | None) -> tuple[BankTables, Calibration, list]:

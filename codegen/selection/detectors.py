@@ -12,9 +12,9 @@ from ..certify import finite_frequency
 from ..certify.exact import Q
 from ..certify.polytope_detection import check, fault_model, level_model
 from ..errors import CertificateError, DesignError
-from ..synthesis import hminus_hinf
+from ..synthesis import hminus_hinf, hminus_hinf_discrete
 from ..synthesis.descriptor_analysis import continuous_level, discrete_level, sensitivity_level
-from ..synthesis.descriptor_gains import StandardGains, euler_gains, rounded
+from ..synthesis.descriptor_gains import StandardGains, euler_gains, rounded, standard_gains
 from ..synthesis.descriptor_lmi import Bounds
 from ..synthesis.descriptor_problem import DescriptorProblem, Scaling, plain, scaled
 from ..synthesis.finite_frequency import band_level
@@ -22,7 +22,7 @@ from ..synthesis.hminus_hinf import Faults
 from .descriptors import MARGINS, SPARE, shrinking
 
 Array = np.ndarray
-#: Share of the decay that Euler steps are asked to keep, in the norm in which the level is proved.
+#: Share of the decay that steps are asked to keep, in the norm in which the level is proved.
 KEPT = 0.75
 
 
@@ -116,17 +116,18 @@ def design_detector(problem: DescriptorProblem, faults: Faults, bounds: Bounds, 
 
 def sampled_detector(problem: DescriptorProblem, faults: Faults, bounds: Bounds, period: float,
                      real: str = "float32", s: Scaling | None = None, free: bool = True) -> CertifiedDetector:
-    """Design for slow faults of a continuous plant, take Euler steps, certify the recursion with the plant by the same.
+    """Design a recursion for slow faults and certify it: of a continuous plant Euler steps, with the plant by the same.
 
     Parameters
     ----------
     problem : DescriptorProblem
-        Of a continuous plant, in its units.
+        In the units of the plant.
     faults : Faults
+        Of sensors where the plant is discrete.
     bounds : Bounds
         Gain in the units of the scaling, decay in the plant's time; its period is not read.
     period : float
-        Of the firmware.
+        Of the firmware; not read where the plant is discrete.
     real : {"float32", "float64"}
     s : Scaling, optional
     free : bool
@@ -140,11 +141,18 @@ def sampled_detector(problem: DescriptorProblem, faults: Faults, bounds: Bounds,
     Raises
     ------
     DesignError
-        No observer exists within the bounds whose Euler steps contract.
+        No observer exists within the bounds whose steps contract.
     CertificateError
         The exact check refuses every level.
     """
     s = plain(problem) if s is None else s
+    if problem.kind == "discrete":
+        found = hminus_hinf_discrete.design(scaled(problem, s), _scaled(faults, s),
+                                            replace(bounds, decay=(1 + SPARE) * bounds.decay), free)
+        gains, M = standard_gains(problem, found, s, real), rounded(found.M / s.outputs, real)
+        T1 = s.factor1(found.T1)
+        about = "slow", bounds.decay, found.gamma, None
+        return _certified(problem, faults, gains, M, T1 if free else T1[0], about, s)
     found = _found(problem, faults, replace(bounds, period=period), "slow", s, free)
     gains = euler_gains(problem, found, s, period, real)
     M, T1 = rounded(found.M / s.outputs, real), np.array([s.factor1(T) for T in found.T1])
@@ -158,21 +166,27 @@ def _found(problem, faults, bounds, criterion, s, free) -> hminus_hinf.Detection
         raise DesignError("hminus-hinf: the plant is discrete (found), expected continuous.")
     period = None if bounds.period is None else (1 + SPARE) * bounds.period * s.time
     asked = replace(bounds, decay=(1 + SPARE) * bounds.decay / s.time, period=period)
-    inside = Faults(s.rows[:, None] * faults.Bf, faults.Df / s.outputs[:, None])
-    return hminus_hinf.design(scaled(problem, s), inside, asked, criterion, free)
+    return hminus_hinf.design(scaled(problem, s), _scaled(faults, s), asked, criterion, free)
+
+
+def _scaled(faults: Faults, s: Scaling) -> Faults:
+    """Where the faults act, in the units of a scaling."""
+    return Faults(s.rows[:, None] * faults.Bf, faults.Df / s.outputs[:, None])
 
 
 def _certified(problem, faults, gains, M, T1, about, s) -> CertifiedDetector:
     """Levels of the rounded constants, checked exactly; the smallest margin that passes is kept."""
     criterion, decay, designed, period = about
+    steps = period is not None or problem.kind == "discrete"
+    kept = np.exp(-KEPT * decay) if period is None else 1 - KEPT * decay * period
     models = (level_model(problem, gains, M, T1, period), fault_model(problem, faults, gains, T1, criterion, period))
     reason = "the solver finds no level for the rounded gains. Try float64, a slower decay or larger gains."
     for margin in MARGINS:
-        if period is None:
-            level = continuous_level(models[0], s, problem.S, False, decay, None, margin)
-        else:
-            level = discrete_level(models[0], s, problem.S, 1 - KEPT * decay * period, margin) or discrete_level(
+        if steps:
+            level = discrete_level(models[0], s, problem.S, kept, margin) or discrete_level(
                 models[0], s, problem.S, 1.0, margin)
+        else:
+            level = continuous_level(models[0], s, problem.S, False, decay, None, margin)
         fault = sensitivity_level(models[1], M, s, problem.S, margin)
         if level is None or fault is None or fault["level2"] <= 0:
             continue
@@ -183,7 +197,7 @@ def _certified(problem, faults, gains, M, T1, about, s) -> CertifiedDetector:
             gamma = float(np.nextafter(gamma, np.inf))
         while Q(beta) * Q(beta) > Q(fault["level2"]):
             beta = float(np.nextafter(beta, 0.0))
-        rate = {"decay": decay} if period is None else {"contraction": shrinking(models[0], np.array(level["P1"]))}
+        rate = {"contraction": shrinking(models[0], np.array(level["P1"]))} if steps else {"decay": decay}
         proof = {"T1": T1.tolist(), "criterion": criterion, "level": level | {"gamma": gamma} | rate,
                  "fault": fault | {"beta": beta}} | ({} if period is None else {"period": period})
         try:

@@ -61,7 +61,7 @@ def certified(plant: Plant, gains: dict, options: dict, real: str) -> tuple[Filt
     proposal = gains["proposal"]
     if copies(plant, options):
         _, apart = stated(plant, options, False)
-        constants = with_copy(apart.emitted(proposal.gains, real), plant.observed.modes, real)
+        constants = with_copy(apart.emitted(proposal.gains, real), plant.enclosed.observed.modes, real)
         start = start_of(problem, units.gains(constants))
     else:
         constants, start = units.emitted(proposal.gains, real), proposal.start
@@ -71,7 +71,7 @@ def certified(plant: Plant, gains: dict, options: dict, real: str) -> tuple[Filt
         reached = worst_run(problem.modes, units.gains(constants), problem.switching, level, steps=60, beam=4).gain
     rows = options.get("set_rows")
     graph = filter_bounds.Graph.of(problem.switching)
-    t, held = frozen(plant, constants, graph, real, None if rows is None else int(rows))
+    t, held = frozen(plant.enclosed, constants, graph, real, None if rows is None else int(rows))
     add, drain, limit = problem.switching.dwell
     cert = {"kind": "filter", "level": level, "claimed": proposal.claimed, "reached": reached, "energy": proof,
             "set_of_both": held, "steady_box": None, "dwell_add": add, "dwell_drain": drain, "dwell_limit": limit,
@@ -102,7 +102,8 @@ def demands(plant: Plant, t: FilterTables, cert: dict) -> Iterator[filter_bounds
     """The conditions of the guaranteed thresholds (``filter_bounds.demands``)."""
     graph = filter_bounds.Graph.of(stated(plant, plant.options)[0].switching)
     whole = filter_calibration.guaranteed(t, cert)
-    return filter_bounds.demands(plant.observed.modes, whole, graph, cert["set_of_both"], (plant.x0_lo, plant.x0_hi))
+    modes, first = plant.enclosed.observed.modes, (plant.x0_lo, plant.x0_hi)
+    return filter_bounds.demands(modes, whole, graph, cert["set_of_both"], first)
 
 
 def _problem(plant: Plant, t: FilterTables) -> tuple:
@@ -143,8 +144,9 @@ def sentences(plant: Plant, t: FilterTables, cert: dict) -> list[str]:
     target = "W_f f" if "target" in plant.options else "f"
     unsure = ", whatever the parameters do within their bounds" * bool(plant.theta)
     last = "; ".join(f"{m.name}: " + ", ".join(f"{float(h):.4g}" for h in row) for m, row in zip(plant.modes, t.h[-1]))
+    left = " (with what constant matrices leave out of a period)" * (plant.kind == "continuous")
     weighted = " (disturbances, noises and inputs before their weight W_d)" if "colour" in plant.options else ""
-    return [f"energy: from rest sum |f_hat - {target}|^2 <= {cert['level']:.6g}^2 sum |d|^2, d all disturbances, "
+    return [f"energy: from rest sum |f_hat - {target}|^2 <= {cert['level']:.6g}^2 sum |d|^2, d all disturbances{left}, "
             f"noises, inputs and faults{weighted} in units of their largest sizes, f in units of its range, "
             f"{slow}{unsure} (rounding of sums apart)",
             "while no fault acts no |f_hat| exceeds its f_bound at any sample, so there is no false alarm, "

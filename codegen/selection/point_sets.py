@@ -35,6 +35,7 @@ ORDER_MARGIN = 1.05  # widths over those of a large order
 MOST_COLUMNS = 24  # generators of the largest order that is tried without being asked for
 MOST_WORK = 8000  # multiplications per sample up to which membership of three residuals is exact without being asked
 WEIGHTS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0, 1.5, 2.5, 5.0, 10.0)  # 1 + alpha of an ellipsoid's step
+SLOW = (0.02, 0.01, 0.005, 0.002)  # the same where errors decay by less than these in a sample
 ROWS = (4, 8, 16, 32)  # of a table of thresholds
 STAGES = (3, 5, 8, 12, 20, 32)
 TABLE_MARGIN = 1.1  # last thresholds over those that no number of stages leads below
@@ -251,7 +252,9 @@ def weighted(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     paths, found = np.array(patterns(plant.n_modes, dwell, STEPS)), None
     base = {"set": "ellipsoid", "limit": 8 * np.sqrt(plant.n_x) * half, "directions": np.zeros((0, plant.n_y)),
             "steady": {"x": half, "x_most": half, "y": np.ones(plant.n_y), "y_most": np.ones(plant.n_y)}}
-    for share in WEIGHTS:
+    for share in (*WEIGHTS, *SLOW):
+        if share < WEIGHTS[0] and found is not None:
+            break
         tried = base | {"alpha": np.full((2, plant.n_modes), share), "beta": np.full(plant.n_modes, share)}
         X, R = followed(with_ellipsoid(plant, gains | tried, "float64"), half, paths)
         third = len(X) // 3

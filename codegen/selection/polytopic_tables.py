@@ -60,10 +60,10 @@ def tables_of(plant: Plant, gains: StandardGains, M: Array, real: str) -> Polyto
     for name, (lo, hi) in {"x": x, "x0": x0}.items():
         given[f"{name}_lo"] = np.array([down(Q(v), real) for v in lo], dtype=real)
         given[f"{name}_hi"] = np.array([up(Q(v), real) for v in hi], dtype=real)
-    measured = [j for j, s in enumerate(plant.theta) if s.measured]
-    for name in ("u", "y", "theta"):
-        lo, hi = (np.clip(side[measured] if name == "theta" else side, -most, most) for side in plant.limits(name))
+    for name in ("u", "y"):
+        lo, hi = (np.clip(side, -most, most) for side in plant.limits(name))
         given |= {f"{name}_lo": lo.astype(real), f"{name}_hi": hi.astype(real)}
+    given |= read_parameters(plant, real)
     for z, y, (lo, hi) in (("z0", "y0", x0), ("z_mid", "y_mid", x)):
         at = (np.asarray(lo) + np.asarray(hi)) / 2
         given |= {z: (at - gains.T2 @ (gains.C @ at)).astype(real) + 0, y: (gains.C @ at).astype(real) + 0}
@@ -71,7 +71,26 @@ def tables_of(plant: Plant, gains: StandardGains, M: Array, real: str) -> Polyto
     n, p = gains.T2.shape
     given["known"] = np.zeros((n, 0), real)
     return PolytopicTables(real=real, h=np.zeros((1, p), real), start=0, shift=0, z_lo=np.zeros(n, real),
-                           z_hi=np.zeros(n, real), columns=tuple(measured), weights=weights, **given)
+                           z_hi=np.zeros(n, real), weights=weights, **given)
+
+
+def read_parameters(plant: Plant, real: str) -> dict:
+    """Columns of theta that are measured, and what the check accepts of them: their bounds, error included.
+
+    Parameters
+    ----------
+    plant : Plant
+    real : {"float32", "float64"}
+
+    Returns
+    -------
+    dict
+        "columns", "theta_lo", "theta_hi" of the tables, rounded outward.
+    """
+    read = [(j, s) for j, s in enumerate(plant.theta) if s.measured]
+    return {"columns": tuple(j for j, _ in read),
+            "theta_lo": np.array([down(Q(s.lo) - Q(s.error), real) for _, s in read], dtype=real),
+            "theta_hi": np.array([up(Q(s.hi) + Q(s.error), real) for _, s in read], dtype=real)}
 
 
 def without_dust(gains: StandardGains, s: Scaling, u_unit: Array, real: str) -> StandardGains:

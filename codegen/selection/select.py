@@ -82,7 +82,7 @@ def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple:
     if gains.get("kind") == "filter":
         return filter_designs.certified(plant, gains, proof, real)
     if "kind" in gains:  # of a point observer
-        return points.certified(plant, gains, proof, real)
+        return points.certified(plant.enclosed, gains, proof, real)
     modes = plant.observed.modes
     tables = freeze(FramerTables, modes, limits(plant), gains, real)
     return tables, prove(modes, tables, proof)
@@ -226,7 +226,7 @@ def explore(plant: Plant, name: str, options: dict, progress: Callable[[str], No
             progress(f"{name}: {text}")
 
         found = filter_designs.explore(plant, options, tell) if METHODS[name].family == "filter" else points.explore(
-            plant, METHODS[name].module, METHODS[name].family, options, tell)
+            plant.enclosed, METHODS[name].module, METHODS[name].family, options, tell)
         return [Trial(name, e.candidate, e.gains, e.tables, e.cert, surely_detected(plant, e.tables, e.cert, within))
                 for e in found]
     if plant.kind == "continuous" and not can_be_sampled(plant):

@@ -108,17 +108,45 @@ def _channel(problem: DescriptorProblem, i: int, j: int, T, Q):
     return PT @ (problem.Bd[i] - problem.A[j] @ T2 @ Dd) + Q @ (Dd - problem.C @ T2 @ Dd)
 
 
-def _pair(problem: DescriptorProblem, i: int, j: int, T, Q, plant, level) -> list[list]:
-    """The inequality of one pair: over (eb, x, u, d) and, by Schur complements, (eb+, x+, z)."""
-    (P1, PT, T2), (P2, R), (_, n, _, m, q) = T, plant, problem.sizes
+def stepped(problem: DescriptorProblem, i: int, j: int, T, Q, plant, level) -> tuple:
+    """V - V+ + level |(u, d)|^2 of one pair as blocks over (eb, x, u, d): before a step, by Schur complements after it.
+
+    Parameters
+    ----------
+    problem : DescriptorProblem
+    i, j : int
+        Vertices of plant and observer.
+    T : tuple
+        P1, P1 T1 and T2.
+    Q : cvxpy expression (n, p)
+        P1 K_j.
+    plant : tuple
+        P2, and R or None.
+    level : cvxpy expression
+
+    Returns
+    -------
+    now : cvxpy expression
+    move : cvxpy expression
+        (P1 eb+)'.
+    flow : cvxpy expression
+        (P2 E x+)'.
+    """
+    (P1, PT, _), (P2, R), (_, n, _, m, q) = T, plant, problem.sizes
     A, B, Bd, E = problem.A, problem.B, problem.Bd, problem.E
     flow = np.hstack([np.zeros((n, n)), A[i], B[i], Bd[i]])
     now = assembled([[P1, None, None, None], [E.T @ P2 @ E, None, None], [-minus(level, m), None], [-minus(level, q)]])
     if R is not None:
         now = now - he(R @ (problem.S.T @ flow))
     move = [PT @ A[j] + Q @ problem.C, PT @ (A[i] - A[j]), PT @ (B[i] - B[j]), _channel(problem, i, j, T, Q)]
+    return now, cp.hstack([b for b in move if b.shape[1]]).T, flow.T @ P2
+
+
+def _pair(problem: DescriptorProblem, i: int, j: int, T, Q, plant, level) -> list[list]:
+    """The inequality of one pair: over (eb, x, u, d) and, by Schur complements, (eb+, x+, z)."""
+    (_, n, _, m, _), T2 = problem.sizes, T[2]
     out = np.hstack([problem.H, np.zeros((len(problem.H), n + m)), problem.J - problem.H @ T2 @ problem.Dd])
-    return [[now, cp.hstack([b for b in move if b.shape[1]]).T, flow.T @ P2, out.T], [P1, None, None], [P2, None],
+    return [[*stepped(problem, i, j, T, Q, plant, level), out.T], [T[0], None, None], [plant[0], None],
             [np.eye(len(out))]]
 
 

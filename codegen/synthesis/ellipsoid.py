@@ -37,6 +37,8 @@ FAMILY = "ellipsoid"
 OPTIONS = {"structure": ("luenberger", "tnl"), "lambda": (0.0, 1.0), "beta": (0.0, 1.0), "within": (0, 50)}
 DECAYS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 WEIGHTS = (0.0, 0.01, 0.1)
+#: Decays where none of these has gains: a sample may be short for the plant.
+SLOW = (0.05, 0.02, 0.01, 0.005)
 #: Average dwell times tried, in samples, where any switching is too much.
 DWELLS = (1.0, 1.5, 2, 3, 5, 8, 12, 20, 40, 80)
 #: Share of a fault's first effect that the residual must keep; below it what is left drowns in rounding.
@@ -146,6 +148,11 @@ def _searched(problem: Problem, units: Units, options: dict, score, progress) ->
                 yield _package(problem, units, structure, solved, lam, beta, score)
         if found:  # a longer dwell time is a weaker promise
             return
+    for lam in SLOW if declared and "lambda" not in options else ():
+        progress(f"{structure}, slow: lambda {lam:g}")
+        solved = lmi.solve(lam, weights[0], float(np.exp(-np.log1p(-lam) * tau * 0.98)))
+        if solved is not None:
+            yield _package(problem, units, structure, solved, lam, weights[0], score)
 
 
 def _package(problem: Problem, units: Units, structure: str, solved: dict, lam: float, beta: float,

@@ -1,7 +1,8 @@
 """Method "hinf-filter" as the plant file asks for it: options, the problem with its weights, units of solver and C.
 
 Plant ``x+ = A_q x + B_q u + Bw w + Bf f``, ``y = C_q x + D_q u + Dw w + Dv v + Df f``, A and B with bounded
-unknowns; the observer is a filter that estimates f (or W_f f)::
+unknowns (of a continuous plant: what encloses it at its samples, ``plant.enclosed``); the observer is a filter that
+estimates f (or W_f f)::
 
     f_hat = Du u + Dy y + K xi,     xi+ = G u + L y + M xi                 one set of constants per mode
 
@@ -23,7 +24,7 @@ import numpy as np
 from flint import fmpq
 
 from ..errors import DesignError
-from .framers import POLYTOPIC, basic_reason
+from .framers import POLYTOPIC, basic_reason, enclosed_reason
 from .hinf_problem import Block, FilterProblem, in_coordinates, problem_of, unmeasured
 from .hinf_weights import Weight, weight, weighted
 
@@ -48,8 +49,8 @@ def inapplicable(plant) -> str | None:
             return f'signals.f "{s.name}" has no range, expected range = [lo, hi]: the size of the fault. Add one.'
     if plant.switching.late:
         return "the mode is told late, expected at its own sample. Use method \"tnl-interval-lpv\"."
-    if plant.kind != "discrete":
-        return "the plant is continuous, expected discrete. Sample it, and cover what that misses by parameters."
+    if (reason := enclosed_reason(plant)) is not None:
+        return reason
     for mode in plant.modes:
         for name in () if unmeasured(plant) else set(mode.theta_terms) - {"A", "B"}:
             return (f'{name} of mode "{mode.name}" depends on a parameter, expected only A and B to where one is '
@@ -97,7 +98,7 @@ def copies(plant, options: dict) -> bool:
     DesignError
         A copy is asked for and the plant is uncertain.
     """
-    varies = bool(plant.theta)
+    varies = bool(plant.enclosed.theta)
     if varies and options.get("inputs") == "copy":
         raise DesignError(f'{plant.name}: observer.inputs is "copy", expected "filtered": a copy of a plant with '
                           "unknown parameters leaves a part of u in. Use filtered.")
@@ -216,6 +217,7 @@ def stated(plant, options: dict, inputs: bool = True) -> tuple[FilterProblem, Un
     DesignError
         A weight is wrong, or the plant is none for this method.
     """
+    plant = plant.enclosed
     plain = problem_of(plant)
     size = {v: np.maximum(*(np.abs(side) for side in plant.limits(v))) for v in "xyuf"}
     size = {v: np.where(s > 0, s, 1.0) for v, s in size.items()}

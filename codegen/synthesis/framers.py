@@ -130,6 +130,21 @@ def untold_reason(plant) -> str | None:
     return None
 
 
+def enclosed_reason(plant) -> str | None:
+    """Why a continuous plant has no discrete one with constant matrices (``plant.enclosed``); None if it has."""
+    if plant.kind != "continuous":
+        return None
+    for mode in plant.modes:
+        for name in sorted(set(mode.theta_terms) - {"A", "B"}):
+            return (f'{name} of mode "{mode.name}" depends on a parameter, expected only A and B to. Take the middle '
+                    "and widen the bounds of w or v by the rest.")
+    for j, s in enumerate(plant.f):
+        if not (np.isfinite(s.lo) and np.isfinite(s.hi)) and any(np.any(m.Bf[:, j]) for m in plant.modes):
+            return (f'signals.f "{s.name}" has no range, expected range = [lo, hi]: what it does to a continuous plant '
+                    "over a period is known up to a share of its size. Add one.")
+    return None
+
+
 def basic_reason(plant, told: bool = True) -> str | None:
     """What stands in the way of any observer with checks of its inputs, ``told`` its mode; None if nothing does."""
     if told and not plant.switching.known:

@@ -169,7 +169,7 @@ def _designed(problem: DescriptorProblem, faults: Faults, bounds: Bounds, criter
     for i, j in problem.pairs:
         conditions.append(negative(_level(problem, i, j, (PT[j], T2), Q[j], plant.P, V, level)))
         if band is None:
-            M = assembled(_sensitivity(problem, faults, i, j, (PT[j], T2), Q[j], plant.P, V, criterion))
+            M = assembled(sensitivity(problem, faults, i, j, (PT[j], T2), Q[j], plant.P, V, criterion))
         else:
             M = assembled(_in_band(problem, faults, j, (PT[j], T2), Q[j], V, (P1, *moving, *band)))
         if i == j or np.any(faults.Bf):
@@ -195,8 +195,24 @@ def _level(problem: DescriptorProblem, i: int, j: int, T, Q, P2, V, level) -> li
             [minus(level, q) + Dt.T @ V @ Dt if q else minus(level, q)]]
 
 
-def _sensitivity(problem: DescriptorProblem, faults: Faults, i: int, j: int, T, Q, P2, V, criterion: str) -> list[list]:
-    """Make r'V r - |f|^2 - V' > 0 over (e, x, f), without x where no fault moves it."""
+def sensitivity(problem: DescriptorProblem, faults: Faults, i: int, j: int, T, Q, P2, V, criterion: str) -> list[list]:
+    """Blocks of r'V r - |f|^2 - V' over (e, x, f), to be positive, without x where no fault moves it.
+
+    Parameters
+    ----------
+    problem : DescriptorProblem
+    faults : Faults
+    i, j : int
+        Vertices of plant and observer.
+    T : tuple
+        P1 T1 and T2.
+    Q : cvxpy expression (n, p)
+        P1 K_j.
+    P2 : cvxpy expression (n, n) or None
+        Not read where no fault moves the state.
+    V : cvxpy expression (p, p)
+    criterion : {"all", "slow"}
+    """
     (PT, T2), C, Df, A = T, problem.C, faults.Df, problem.A
     own, R = PT @ A[j] + Q @ C, np.eye(len(C)) - C @ T2
     into = PT @ faults.Bf[i] + (Q @ Df if criterion == "slow" else Q @ R @ Df - PT @ A[j] @ T2 @ Df)

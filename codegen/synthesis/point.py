@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 
 from ..algebra.dwell import ratio, shortest
 from ..errors import DesignError
-from .framers import POLYTOPIC, through_reason, untold_reason
+from .framers import POLYTOPIC, enclosed_reason, through_reason, untold_reason
 from .problem import Problem
 
 Array = np.ndarray
@@ -184,9 +184,13 @@ def common_reason(plant) -> str | None:
         return POLYTOPIC
     if (reason := through_reason(plant)) is not None:
         return reason
-    if plant.kind != "discrete":
-        return "the plant is continuous, expected discrete. Use method \"lpv-interval\"."
-    if plant.theta:
+    if (reason := enclosed_reason(plant)) is not None:
+        return reason
+    measured = [s.name for s in plant.theta if s.measured]
+    if measured and plant.kind == "continuous":
+        return (f'the parameter "{measured[0]}" is measured, expected none to be: matrices that are constant in a mode '
+                'do not follow it. Use method "lpv-interval" or "tnl-interval-lpv", or set measured = false.')
+    if plant.theta and plant.kind == "discrete":
         return ('the plant has scheduling parameters, expected constant matrices per mode. Use method "lpv-interval" '
                 'or "tnl-interval-lpv".')
     if (reason := untold_reason(plant)) is not None:

@@ -22,12 +22,13 @@ WIDE = THREE.replace('kind = "continuous"', 'kind = "discrete"').replace(
     "[[-2, 1, 0], [0, -3, 0], [0, 1, -1]]", "[[0.8, 0.2, 0], [0, 0.6, 0], [0, 0.2, 0.7]]").replace(
     "[[-1, 0, 0.5], [1, -4, 0], [0, 0, -2]]", "[[0.7, -0.1, 0.1], [0.3, 0.4, 0], [0, 0, 0.5]]").replace(
     "[[-0.5, -1, 0], [0, -1, 0.2], [0.1, 0, -3]]", "[[0.9, -0.3, 0], [0, 0.7, 0.1], [0.1, 0, 0.3]]")
-PLANTS = {"hidden": DISCRETE.replace(*NOISY), "wide": WIDE}
+PLANTS = {"hidden": DISCRETE.replace(*NOISY), "wide": WIDE, "between": THREE}
 #: Plant, options of the set and whether there is a gain N, by name.
 CASES = {"zonotope": ("wide", {}, True), "box": ("hidden", {"set": "interval"}, True),
          "ellipsoid": ("wide", {"set": "ellipsoid"}, False),
          "table": ("wide", {"tables": "dwell", "rows": 8}, True),
-         "trace": ("hidden", {"set": "ellipsoid", "weights": "trace"}, False)}
+         "trace": ("hidden", {"set": "ellipsoid", "weights": "trace"}, False),
+         "between": ("between", {}, True)}  # switches at any instant
 AGES = 3
 
 
@@ -37,15 +38,20 @@ def plant(name: str):
 
 
 @lru_cache
-def told(name: str, real: str):
-    """Tables and certificate of an observer that is told its mode."""
-    p, (_, options, tnl) = plant(name), CASES[name]
+def gains(name: str) -> dict:
+    """Gains as given, and the size of the set."""
+    p, (_, options, tnl) = plant(name).enclosed, CASES[name]
     A, C = np.array([m.A for m in p.modes]), p.modes[0].C
     back = np.linalg.pinv(C)
-    gains = {"L": (0.3 if tnl else 0.6) * A @ back, "N": np.tile((0.5 if tnl else 0.0) * back, (len(A), 1, 1)),
+    made = {"L": (0.3 if tnl else 0.6) * A @ back, "N": np.tile((0.5 if tnl else 0.0) * back, (len(A), 1, 1)),
              "kind": "tnl" if tnl else "luenberger"}
-    gains |= choice_of(options, "zonotope")(p, gains, options, AGES + 1)
-    return certified(p, gains, {"kind": "none"}, real)
+    return made | choice_of(options, "zonotope")(p, made, options, AGES + 1)
+
+
+@lru_cache
+def told(name: str, real: str):
+    """Tables and certificate of an observer that is told its mode."""
+    return certified(plant(name).enclosed, gains(name), {"kind": "none"}, real)
 
 
 @lru_cache

@@ -76,7 +76,7 @@ def every_number_of_a_bank(t, found):
     parts = [(f"{name}_{k}", getattr(m, name)) for k, m in enumerate(t.members)
              for name in ("T2", "C", "F", "G", "K", "M", "z0")]
     for name, value in (*parts, *((k, getattr(t, k)) for k in (
-            "bound", "limit", "most", "u_lo", "u_hi", "y_lo", "y_hi"))):
+            "bound", "limit", "most", "u_lo", "u_hi", "y_lo", "y_hi", "theta_lo", "theta_hi"))):
         expected |= {(name, "", *index): float(v) for index, v in np.ndenumerate(value)}
     for key in [k for k in expected if k[0] == "weights" and k not in found]:
         assert not expected.pop(key)  # zeros are many

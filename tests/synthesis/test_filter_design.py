@@ -342,7 +342,6 @@ def test_options_say_what_is_wrong(given, words):
 @pytest.mark.parametrize("old, new, words", [
     ('f = [{ name = "f", range = [-1, 1] }]', 'f = [{ name = "f" }]', "has no range"),
     ('y = [{ name = "y", range = [-10, 10] }]', 'y = [{ name = "y" }]', "has no range"),
-    ('kind = "discrete"', 'kind = "continuous"', "continuous"),
     ("[[mode]]                        # H = (0.2, 0.002), N = (0.22, 0.128)", "[switching]\nknown = false\n[[mode]]",
      "not known at run time")])
 def test_plants_that_it_does_not_take(old, new, words):

@@ -20,7 +20,8 @@ from codegen.emit import set_ranges
 from codegen.errors import CertificateError, DesignError
 from codegen.observers import FollowerObserver, FollowerTables, ModeObserver, Supervision, follower
 from codegen.plant.load import load, loads
-from tests.helpers.follower import AGES, CASES, plant, tables, told
+from codegen.selection.points import certified
+from tests.helpers.follower import AGES, CASES, gains, plant, tables, told
 from tests.helpers.small_modes import exact_course
 
 RUNS, STEPS = 5, 50
@@ -86,7 +87,8 @@ class NeverAnew(FollowerObserver):
 
 
 @pytest.mark.parametrize("name, where, instead", [
-    ("box", "hulls", covers_all), ("box", "narrow", young_too), ("box", "observer", NeverAnew)])
+    ("box", "hulls", covers_all), ("box", "narrow", young_too), ("box", "observer", NeverAnew),
+    ("between", "observer", NeverAnew)])
 def test_other_ways_lose_the_truth(name, where, instead, monkeypatch):
     """What has just begun is not covered by the observer: cut to its bounds, or not a reason to start again."""
     observer = instead if where == "observer" else FollowerObserver
@@ -103,6 +105,12 @@ def test_wrong_mode_or_no_noise_loses_the_truth():
         assert lost("zonotope", replace(t, told=wrong), "float32")[0] > 0
     shrunk = replace(t, grow=t.grow * np.float32(0.4))
     assert lost("zonotope", shrunk, "float32")[0] > 0
+
+
+def test_tables_of_another_period_lose_the_truth():
+    t, slow = tables("between", "float32"), replace(plant("between"), sample_period=0.04).enclosed
+    wrong, _ = certified(slow, gains("between"), {"kind": "none"}, "float32")
+    assert lost("between", replace(t, told=wrong), "float32")[0] > 0
 
 
 class AlwaysSmall(FollowerObserver):

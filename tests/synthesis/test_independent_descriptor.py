@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import re
 import sys
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,11 +15,12 @@ from helpers.folders import write
 from helpers.scripts import ROOT
 from helpers.solved import stand_in
 from helpers.solved import tables as stand_in_tables
-from synthesis.test_descriptor_direct import held
+from synthesis.test_descriptor_direct import held, samples
 from synthesis.test_independent import CHECKER
 from synthesis.test_independent_polytopic import C, T, scaled
 
 from codegen.certify.descriptor_error import descriptor_errors
+from codegen.observers.descriptor import of_pivots
 from codegen.plant.bend import bend
 from codegen.plant.load import load, loads
 
@@ -192,6 +195,31 @@ def test_the_error_is_that_of_the_project(name, checker):
         assert (step * units)[t.moving] == pytest.approx(project[t.moving], rel=1e-12, abs=1e-15)
         assert np.array(errors.ties(i, j), float) * units == pytest.approx(model.ties[i, j].astype(float), abs=1e-12)
     assert np.array(errors.Ee, float).tolist() == model.Ee.astype(float).tolist() and m == len(plant.box["u"])
+
+
+@pytest.mark.parametrize("name", ["disc_contact", "dlpv"])
+def test_bounds_of_a_step_hold_for_all_weights(name, checker):
+    """Plant and observer at weights of their own, simulated; those of another gain, or without a mismatch, are none."""
+    _, t = held(name)
+    plant = checker["pairs"].Plant(checker["sector"].read_plant(load(name).text))
+    known, still = checker["descriptor"].Solved(plant), SimpleNamespace(of=lambda rows: [0 * row[0] for row in rows])
+
+    def worst(given, agrees=False):
+        errors = checker["descriptor"].DescriptorErrors(plant, json.loads(json.dumps(given.to_dict())), known, still)
+        if agrees:
+            errors.mismatch = lambda k: [0] * len(known.without)
+        N, W, O, room = zip(*errors.pushes())  # noqa: E741
+        N, O, room = (np.array(M, float) for M in (N, O, room))  # noqa: E741
+        far, over, firsts = np.array([[sum(map(abs, row)) for row in M] for M in W], float), [], errors.firsts
+        for (x, _, _, z), (_, h), (_, r, after), later in samples(name, t):
+            g, e = of_pivots(t, h[None])[0], (x - z)[t.moving]
+            both = np.outer(h, [g[np.all(t.solved == t.solved[k], axis=(1, 2))].sum() for k in firsts]).ravel()
+            over.append(np.max(np.abs((later - after)[t.moving] - np.tensordot(both, N, 1) @ e) - both @ far))
+            over.append(np.max(np.abs(r - np.tensordot(both, O, 1) @ e) - both @ room))
+        return max(over)
+
+    assert worst(t) < 0 < worst(replace(t, K=-3 * t.K))
+    assert worst(t, agrees=True) > 0 or not t.uneven  # one pivot: two vertices that hardly differ
 
 
 def test_how_fast_a_right_side_changes_is_what_the_project_finds(checker):

@@ -13,7 +13,8 @@ from synthesis.test_independent import CHECKER
 
 from codegen.emit import files
 
-LAYOUTS = {"zonotope": "literal", "box": "loop", "ellipsoid": "table", "table": "table", "trace": "literal"}
+LAYOUTS = {"zonotope": "literal", "box": "loop", "ellipsoid": "table", "table": "table", "trace": "literal",
+           "between": "loop"}
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +40,10 @@ def printed(name):
 
 def proves(checker, name, t, text=None, real="float32"):
     """All parts, as ``main`` asks for them; delays are nobody's here."""
-    plant = checker.read_plant(text or PLANTS[CASES[name][0]])
-    checker.births.check_boxes(*plant, None, t, None)
-    checker.check_told(t, told(name, real)[1], plant)
+    text = text or PLANTS[CASES[name][0]]
+    period = checker.births.period_of({"plant": {"toml": text}})
+    checker.births.check_boxes(*checker.read_plant(text), period, t, None)
+    checker.check_told(t, told(name, real)[1], checker.read_sampled(text))
     checker.check_joint(t)
     checker.check_start(t)
 
@@ -65,6 +67,7 @@ FALSE = {  # case, what of the tables, factor, words
     "thresholds": ("table", ("told", "shape", "h"), 0.98, "threshold"), "widths": (
         "table", ("told", "shape", "hx"), 0.98, "threshold"), "sizes of a start": (
         "table", ("told", "shape", "sizes"), 1.1, "threshold"),
+    "what a period leaves": ("between", ("told", "shape", "e"), 0.5, "e"),
     "range of the observer": ("box", ("told", "x_hi"), 0.9, "box x too small"),
 }
 

@@ -392,5 +392,5 @@ def test_wrong_poles_are_told():
 
 def test_what_has_no_point_observer_says_why():
     assert zonotope.inapplicable(PLANT) is None
-    assert "continuous" in zonotope.inapplicable(load("buck"))
+    assert "is measured, expected none" in zonotope.inapplicable(load("motor"))
     assert "expected switching.minimum_dwell" in zonotope.inapplicable(replace(PLANT, switching=Switching(known=False)))

@@ -6,6 +6,7 @@ import shutil
 
 import pytest
 from click.testing import CliRunner
+from helpers import small_banks
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
 from helpers.kept import KEPT, POINTS, family_of
@@ -39,6 +40,15 @@ def test_other_observers(family):
     found = run(next(f for f in KEPT if family_of(f) == family), 2000)
     require(found)
     assert found.runs == 2000 and found.edges > 80
+
+
+@pytest.mark.parametrize("old,new", [("", ""), (r"!\w+_theta_accepted\(in\)", "in->theta[0] > 0.6F")])
+def test_a_bank_that_reads_a_parameter(old, new, tmp_path):
+    folder = write(small_banks.frozen(), tmp_path)
+    text = (folder / "tanks.c").read_text()
+    (folder / "tanks.c").write_text(re.sub(old, new, text, count=1) if old else text)
+    found = run(folder, 2000)
+    assert bool(found.message) == bool(old) and (old or found.edges > 100)
 
 
 @pytest.mark.parametrize("old,new", [

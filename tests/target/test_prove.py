@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from helpers import driven, follower, small_modes
+from helpers import driven, follower, small_banks, small_modes
 from helpers.designs import GUARDED, stand_in
 from helpers.folders import write
 from helpers.kept import OTHERS, POINTS, STATED, family_of, first_of_each
@@ -158,6 +158,17 @@ def test_what_is_wrong_of_a_polytopic_observer_is_not_proved(mutant, tmp_path):
         assert result.proved and result.coverage == 100 and result.properties["law_is_in_box"] == 4
         return
     assert not result.proved and any(re.search(words, alarm) for alarm in result.alarms), result.alarms
+
+
+@pytest.mark.parametrize("pattern,words", [("", ""), (r"!\w+_theta_accepted\(in\)", "refused|initialized")])
+def test_a_bank_that_reads_a_parameter_is_proved_with_its_check_alone(pattern, words, tmp_path):
+    need("frama-c")
+    folder = write(small_banks.frozen(), tmp_path)
+    if pattern:
+        rewrite(folder, "tanks.c", pattern, "false")
+    result = prove(folder)
+    assert result.proved == (not pattern), result.alarms
+    assert not pattern or any(re.search(words, alarm) for alarm in result.alarms), result.alarms
 
 
 FOLLOWER_MUTANTS = {  # set, number type, layout, what of the C, what instead, what Eva says
