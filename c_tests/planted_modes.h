@@ -43,6 +43,39 @@ static void plant(bench *b, uint32_t what)
         b->s.box_lo[i] = x_lo[i % M(NX)] + ((size / 1000) * (T(real))draw(1000U));
         b->s.box_hi[i] = b->s.box_lo[i] + ((size / 1000) * (T(real))draw(1000U));
     }
+#if CASE_GUIDED
+    if (what == 3U)
+    {
+        b->s.age = (draw(4U) == 0U) ? M(OLDEST) : draw((2U * M(BLANK)) + 3U);
+        b->s.decided = draw(M(MODES));
+        plant_framers(&b->s, draw);
+        for (uint32_t i = 0U; i < M(NX); i++)
+        {
+            const T(real) size = x_hi[i] - x_lo[i];
+
+            b->s.shown_lo[i] = x_lo[i] + ((size / 1000) * (T(real))draw(500U));
+            b->s.shown_hi[i] = x_hi[i] - ((size / 1000) * (T(real))draw(500U));
+        }
+    }
+#endif
+}
+
+/* The bits that the numbers of an answer ask for, those of spans of time being held against twice(). */
+static uint32_t of_numbers(const T(out) *out)
+{
+    uint32_t raw = out->raw & M(BIT_TWICE);
+
+#if CASE_GUIDED
+    for (uint32_t i = 0U; i < M(NY); i++)
+    {
+        raw |= ((out->r_lo[i] > 0) || (out->r_hi[i] < 0)) ? ((uint32_t)2U << i) : 0U;
+    }
+    for (uint32_t i = 0U; i < M(NX); i++)
+    {
+        raw |= (out->x_lo[i] > out->x_hi[i]) ? M(BIT_CROSSED) : 0U;
+    }
+#endif
+    return raw;
 }
 
 /* The alarm that spans of time ask for, by the state before a sample and the modes that it refutes. */

@@ -55,6 +55,7 @@ def case(record: dict) -> str:
              "has_phase": "phase" in members, "point": "x_hat" in members, "filter": "xi" in members,
              "polytopic": record["family"] in ("polytopic", "descriptor"), "holds_faults": "faults" in record,
              "boxes": "alive" in members, "sliding": "level" in members,
+             "guided": record["family"] == "guided",
              "has_frames": "frame_lo" in members, "follows": "followed" in members,
              "has_origin": "origin" in members, "has_shape": "shape" in members,
              "bank": record["family"] == "bank",

@@ -40,4 +40,7 @@ static void any_framers(T(state) *s)
     s->fresh = draw(M(EVERY) + 1U) & draw(M(EVERY) + 1U);
     s->armed = draw(M(EVERY) + 1U);
     s->refuted = draw(M(EVERY) + 1U);
+#if CASE_GUIDED
+    plant_framers(s, draw);
+#endif
 }

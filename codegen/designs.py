@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from . import __version__
 from .analysis.detectability import surely_detected
 from .certify import (
@@ -34,11 +36,12 @@ from .observers import (
     Runner,
     SlidingTables,
     Supervision,
+    TrailingTables,
 )
 from .plant.bounded import bounded
 from .plant.load import loads
 from .plant.model import Plant
-from .selection import bank_claims, filter_designs, polytopic_designs, tracking_designs
+from .selection import bank_claims, filter_designs, polytopic_designs, tracking_designs, trailing_claims
 
 FORMAT = 1
 
@@ -204,12 +207,14 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
         return driven_certificate.check(bounded(plant), plant.observed.modes, t, cert)
     if isinstance(t, FollowerTables):
         return follower_certificate.check(plant, t, cert)
+    if isinstance(t, TrailingTables):
+        return trailing_claims.check(plant, t, cert)
     if isinstance(t, ModeTables):
         return mode_certificate.check(bounded(plant), t, cert)
     if isinstance(t, GuidedTables):
-        return guided_certificate.check(plant, t, cert)
+        return guided_certificate.check(bounded(plant), plant.observed.modes, t, cert)
     if isinstance(t, SlidingTables):
-        return sliding_claims.check(plant, t, cert)
+        return sliding_claims.check(bounded(plant), t, cert)
     if isinstance(t, FilterTables):
         return filter_designs.check(plant, t, cert) + between_samples(plant)
     if isinstance(t, PolytopicTables):
@@ -251,6 +256,9 @@ def recheck(design: Design) -> dict[str, list[str]]:
     plant, proved = design.plant, {}
     for real, t in design.observer.tables.items():
         cert = design.certificate[real]
+        if design.observer.family == "interval" and np.any([t.N_hi, t.N_lo]):
+            raise CertificateError("certificate: N is not zero in tables of a step that does not read the measurement "
+                                   'of the next sample (family "interval"). Design again.')
         proved[real] = claims_of(plant, t, cert)
         check_ranges(limits(plant), t)
         check_monitor(design.observer.supervision, cert)

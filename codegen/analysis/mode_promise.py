@@ -37,6 +37,24 @@ def dropped(kind: str, truth, trace) -> Array:
     return (trace.mode_set.astype(np.int64) >> acting(kind, truth.q)) & 1 == 0
 
 
+def understated(kind: str, truth, trace) -> Array:
+    """Samples at which an estimate of faults in the true mode is beyond its bound; none of observers without.
+
+    Parameters
+    ----------
+    kind : {"discrete", "continuous"}
+    truth : PlantTrace
+    trace : Trace or TrailingTrace
+
+    Returns
+    -------
+    ndarray (K,) bool
+    """
+    if not (keeps_the_true_mode(trace) and hasattr(trace, "f_hat")):
+        return np.zeros(len(truth.q), dtype=bool)
+    return (trace.mode == acting(kind, truth.q)) & np.any(np.abs(trace.f_hat) > trace.f_bound, axis=1)
+
+
 def unbound(truth, trace) -> Array:
     """Samples at which bounds of x are not promised: where they are those of a mode that was not always the true one.
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ..observers import BankTrace, FilterTrace, Trace
+from ..observers import BankTrace, FilterTrace, Trace, TrailingTrace
 from ..plant.model import Plant, PlantTrace
 from . import bank_panels, filter_panels, panels, tracking_panels
 from .panels import Run
@@ -91,12 +91,14 @@ def run_figure(run: Run) -> Figure:
 
 
 def _outputs(run: Run) -> list[Panel]:
+    estimates = [(1.75, lambda axis, j=j: filter_panels.estimate(axis, run, j)) for j in range(run.plant.n_f)]
     if isinstance(run.trace, FilterTrace):
-        return [(1.75, lambda axis, j=j: filter_panels.estimate(axis, run, j)) for j in range(run.plant.n_f)]
+        return estimates
     if isinstance(run.trace, BankTrace):
         levels = [(1.55, lambda axis, j=j: bank_panels.level(axis, run, j)) for j in range(run.plant.n_f)]
         return [*levels, (0.6 + 0.17 * run.plant.n_f, lambda axis: bank_panels.blame(axis, run))]
-    return [(1.55, lambda axis, j=j: panels.output(axis, run, j)) for j in range(run.plant.n_y)]
+    outputs = [(1.55, lambda axis, j=j: panels.output(axis, run, j)) for j in range(run.plant.n_y)]
+    return outputs + estimates * isinstance(run.trace, TrailingTrace)
 
 
 def _states(run: Run) -> list[Panel]:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import EmitError
-from ..observers import BankTrace, FilterTrace, PolytopicTrace
+from ..observers import BankTrace, FilterTrace, PolytopicTrace, TrailingTrace
 from ..plant.model import Plant, PlantTrace, Scenario
 from . import plots, svg
 from .logs import read_log
@@ -134,9 +134,9 @@ def table(plant: Plant, truth: PlantTrace, trace) -> str:
     -------
     text : str
         Columns k, t, x_lo.<state> ..., x_hi.<state> ..., r_lo.<output> ..., r_hi.<output> ..., alarm, latched,
-        assured, status; of a filter f_hat.<fault> ..., f_bound.<fault> ... in place of the bounds; of a polytopic
-        observer x_hat.<state> ..., r.<output> ..., r_bound.<output> ...; of a bank r.<fault> ..., r_bound.<fault> ...;
-        then the words that only this family has. Every number reads back exactly.
+        assured, status; of a filter f_hat.<fault> ..., f_bound.<fault> ... in place of the bounds, where it finds the
+        mode after them; of a polytopic observer x_hat.<state> ..., r.<output> ..., r_bound.<output> ...; of a bank
+        r.<fault> ..., r_bound.<fault> ...; then the words that only this family has. Every number reads back exactly.
     """
     names = {"x_lo": plant.x, "x_hi": plant.x, "r_lo": plant.y, "r_hi": plant.y}
     if isinstance(trace, FilterTrace):
@@ -145,6 +145,8 @@ def table(plant: Plant, truth: PlantTrace, trace) -> str:
         names = {"x_hat": plant.estimated(trace.x_hat.shape[-1]), "r": plant.y, "r_bound": plant.y}
     elif isinstance(trace, BankTrace):
         names = {"r": plant.f, "r_bound": plant.f}
+    elif isinstance(trace, TrailingTrace):
+        names |= {"f_hat": plant.f, "f_bound": plant.f}
     header = ["k", "t", *(f"{field}.{s.name}" for field, signals in names.items() for s in signals),
               "alarm", "latched", "assured", "status",
               *trace.word_names()]

@@ -1,8 +1,9 @@
 """How soon a mode estimator without a guarantee is right, and how often wrong: simulated over noise and period.
 
 Random switches at any instant, at least a dwell time apart and at most two and a half; disturbances at their bounds,
-changing at one sample in five; inputs at an end of their range, changing with the mode; uniform noise. A delay lasts
-from a switch to the sample from which on the mode is right until the next switch. These are figures, no promises.
+changing at one sample in five; inputs at an end of their range, changing with the mode; uniform noise; parameters
+anywhere, the same all through a run, their measurements off by uniform errors. A delay lasts from a switch to the
+sample from which on the mode is right until the next switch. These are figures, no promises.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ RUNS, DWELLS, SEED = 16, 6, 1
 
 @dataclass(frozen=True)
 class Course:
-    """Runs side by side: x (S, K, n_x), u (S, K, n_u), y (S, K, n_y), of it the noise, q (S, K); switches per run as
-    (time, mode).
+    """Runs side by side: x (S, K, n_x), u (S, K, n_u), y (S, K, n_y), of it the noise, q (S, K), theta (S, K, J) as it
+    is read; switches per run as (time, mode).
     """
 
     x: Array
@@ -33,6 +34,7 @@ class Course:
     y: Array
     noise: Array
     q: Array
+    theta: Array
     switches: list
 
 
@@ -48,7 +50,7 @@ def courses(plant, runs: int, steps: int, seed: int) -> Course:
     Parameters
     ----------
     plant : Plant
-        Continuous, without parameters.
+        Continuous.
     runs, steps, seed : int
 
     Returns
@@ -56,36 +58,54 @@ def courses(plant, runs: int, steps: int, seed: int) -> Course:
     Course
     """
     T, dwell, N = plant.sample_period, plant.switching.average_dwell, plant.n_modes
-    whole = [_transition(m, T) for m in plant.modes]
-    made: list = [[], [], [], [], [], []]
+    made: list = [[], [], [], [], [], [], []]
     for run in range(runs):
         rng = np.random.default_rng((seed, run))
         q, due = int(rng.integers(N)), dwell * rng.uniform(1, 2.5)
         x, u = rng.uniform(plant.x0_lo, plant.x0_hi), _corner(rng, *plant.limits("u"))
         w = _corner(rng, plant.modes[q].w_lo, plant.modes[q].w_hi)
+        modes, read = _held(plant, rng, steps)
+        whole = [_transition(m, T) for m in modes]
         rows: list = [[], [], [], [], []]
         switches = []
         for k in range(steps):
-            m = plant.modes[q]
+            m = modes[q]
             noise = m.Dv @ rng.uniform(m.v_lo, m.v_hi)
             for row, value in zip(rows, (x, u, m.C @ x + m.D @ u + noise, noise, q)):
                 row.append(value)
             now, fed = k * T, u
             while due < (k + 1) * T:
-                x = _transition(plant.modes[q], due - now) @ np.concatenate([x, fed, w])
+                x = _transition(modes[q], due - now) @ np.concatenate([x, fed, w])
                 q, now = int(rng.choice([i for i in range(N) if i != q])), due
                 switches.append((due, q))
                 due += dwell * rng.uniform(1, 2.5)
                 u = _corner(rng, *plant.limits("u"))  # from the next sample on
                 w = _corner(rng, plant.modes[q].w_lo, plant.modes[q].w_hi)
-            left = whole[q] if now == k * T else _transition(plant.modes[q], (k + 1) * T - now)
+            left = whole[q] if now == k * T else _transition(modes[q], (k + 1) * T - now)
             x = left @ np.concatenate([x, fed, w])
             if rng.random() < 0.2:
                 w = _corner(rng, plant.modes[q].w_lo, plant.modes[q].w_hi)
-        for part, value in zip(made, (*map(np.array, rows), switches)):
+        for part, value in zip(made, (*map(np.array, rows), read[np.arange(steps), rows[-1]], switches)):
             part.append(value)
-    x, u, y, noise, q = (np.array(part) for part in made[:5])
-    return Course(x, u.reshape(runs, steps, plant.n_u), y, noise, q, made[5])
+    x, u, y, noise, q, theta = (np.array(part) for part in made[:6])
+    return Course(x, u.reshape(runs, steps, plant.n_u), y, noise, q, theta, made[6])
+
+
+def _held(plant, rng, steps: int) -> tuple[list, Array]:
+    """Modes whose parameters keep some value, and what is read of it at every sample in every mode: (K, N, J)."""
+    if not plant.theta:
+        return list(plant.modes), np.zeros((steps, plant.n_modes, 0))
+    share, error = rng.random(len(plant.theta)), np.array([s.error for s in plant.theta])
+    values = [lo + share * (hi - lo) for lo, hi in map(plant.theta_box, plant.modes)]
+    off = error * rng.uniform(-1, 1, (steps, plant.n_modes, len(error)))
+    return [_at(m, value) for m, value in zip(plant.modes, values)], np.array(values) + off
+
+
+def _at(mode, theta: Array):
+    """The mode with its parameters at a value."""
+    moved = {name: getattr(mode, name) + sum((p * S for p, S in zip(theta, mode.theta_terms.get(name, ()))),
+                                             0 * getattr(mode, name)) for name in "AB"}
+    return replace(mode, **moved, theta_terms={}, theta_bounds=None)
 
 
 def _corner(rng, lo: Array, hi: Array) -> Array:
@@ -183,7 +203,7 @@ def paced(plant, observer, real: str) -> list[dict]:
         dwell = plant.switching.average_dwell * share
         slow = replace(plant, switching=replace(plant.switching, average_dwell=dwell))
         run = courses(slow, RUNS, int(DWELLS * dwell / period), SEED)
-        trace = observer.run_many(run.u, np.clip(run.y, t.y_lo, t.y_hi), run.q, real)
+        trace = observer.run_many(run.u, np.clip(run.y, t.y_lo, t.y_hi), run.q, real, theta=run.theta)
         lost = ((run.x < trace.x_lo) | (run.x > trace.x_hi)).any(axis=-1)
         cells.append({"dwell": rounded(dwell)} | figures(trace, run, period)
                      | {"alarms": rounded(np.mean(trace.alarm != 0)), "lost": rounded(np.mean(lost))})

@@ -16,7 +16,7 @@ from ..observers import Trace
 from ..observers.supervisor import BAD_INPUT, BAD_MODE, BAD_PARAMETER
 from ..plant.model import Plant, PlantTrace, Scenario
 from ..plant.simulate import simulate
-from .mode_promise import dropped, keeps_the_true_mode, late, missed, unbound
+from .mode_promise import dropped, keeps_the_true_mode, late, missed, unbound, understated
 from .steering import Steering, steered
 from .steering import names as names_of
 
@@ -144,7 +144,7 @@ def judge(plant: Plant, scenario: Scenario, truth: PlantTrace, trace: Trace, dif
     # The simulated truth itself is only good to double precision.
     slack = 1e-12 * np.maximum(np.abs(lo), np.abs(hi))
     outside = np.any((truth.x > trace.x_hi + slack) | (truth.x < trace.x_lo - slack), axis=1) & ~unbound(truth, trace)
-    outside |= dropped(plant.kind, truth, trace)
+    outside |= dropped(plant.kind, truth, trace) | understated(plant.kind, truth, trace)
     return Outcome(scenario, truth, trace, differences, int(np.sum(outside & sound & done)),
                    int(np.sum(raw & settled & done)), settled, found)
 

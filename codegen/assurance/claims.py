@@ -23,6 +23,7 @@ from . import (
     driven_claims,
     filter_claims,
     follower_claims,
+    guided_claims,
     margins,
     mode_claims,
     point_claims,
@@ -40,7 +41,8 @@ EXACT = ("exact", "independent", "read-back")
 MATRICES = ("A", "B", "C", "D", "Bw", "Dv")
 #: Families whose certificate has claims of its own.
 OWN = {"filter": filter_claims, "mode": mode_claims, "driven": driven_claims, "polytopic": polytopic_claims,
-       "descriptor": polytopic_claims, "sliding": sliding_claims, "bank": bank_claims, "follower": follower_claims}
+       "descriptor": polytopic_claims, "sliding": sliding_claims, "bank": bank_claims, "follower": follower_claims,
+       "guided": guided_claims}
 PLANT = (*MATRICES, "signals.x", "signals.u", "signals.y", "signals.w", "signals.v", "mode.bounds", "constants")
 
 

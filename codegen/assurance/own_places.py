@@ -15,7 +15,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..emit import driven_parts, filter_parts, follower_parts, point_parts
+from ..emit import driven_parts, filter_parts, follower_parts, guided_parts, point_parts
 from ..emit.maps import MapSpec, Names
 from ..emit.render import render
 from ..emit.varying import Varying
@@ -34,15 +34,17 @@ READ_BY_MAPS = {"M", "G", "L", "K", "Du", "Dy"}
 
 
 #: Boxes that the C of a family holds as they are in the tables.
-PRINTED = {"sliding": {"x_lo", "x_hi", "x0_lo", "x0_hi"}}
+PRINTED = dict.fromkeys(("sliding", "guided"), {"x_lo", "x_hi", "x0_lo", "x0_hi"})
 #: A real number that is defined in the C: name and value.
 DEFINED = r"#define (\w+) ((?=[\d.]*[.e])\d[\d.]*(?:e[+-]?\d+)?F?)(?=\s|$)"
 
 
 def maps(family: str, t, names: Names, d) -> tuple[MapSpec | Varying, ...]:
-    """The affine maps that can be executed with symbols, of filters, driven framers and observers that follow."""
+    """The affine maps that can be executed with symbols, of filters and of what is driven, guided or follows."""
     if family == "follower":
         return point_parts.maps(t.told, follower_parts.inner_names(names), d.x, d.y)
+    if family == "guided":
+        return guided_parts.maps(t.told, guided_parts.inner_names(names), d.x, d.y)
     if family == "driven":
         return driven_parts.maps(t.told, names, d.x, d.y)
     return filter_parts.maps(t, names, next(z.faults for z in d.sets)) if family == "filter" else ()
@@ -57,7 +59,8 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
     design : Design
     d : DesignView
         Of the C as it must be.
-    t : FilterTables, ModeTables or DrivenTables
+    t : object
+        Tables of the family.
     read_apart : set of str
     found : object
         ``add`` takes what is read.
@@ -84,7 +87,7 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
     if design.observer.family == "follower":
         read_apart, known = read_apart | read_told(source, design, d, t, read_apart, found), known | joint_of(t)
         known = {k: v for k, v in known.items() if k != "square" or t.by_squares}
-    elif "told" in every:
+    elif design.observer.family == "driven":
         known |= {"frame_limit": t.told.box, "forth": t.S_rounded}  # as the C calls them
     seen = set(READ_BY_MAPS) if design.observer.family == "filter" else set()
     defined = read_macros(source, d.macro, d.real, known, found)

@@ -79,7 +79,7 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
         specs = (point_parts.maps(t, names, d.x, d.y) if points else own_places.maps(family, t, names, d) if whole
                  else _maps(family, t, names, d))
         moved = getattr(t, "told", t)  # tables of the maps
-        part = found.part("told_") if family == "follower" else found
+        part = found.part("told_") if family in ("follower", "guided") else found
         for spec in specs:
             for q, mode in enumerate(names.modes):
                 if isinstance(spec, Varying):
@@ -90,11 +90,12 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
         if whole:
             plain = [spec.spec if isinstance(spec, Varying) else spec for spec in specs]
             apart = {f for f in source.functions if f.startswith(tuple(spec.name for spec in plain))}
-            apart |= {c.name for c in (*d.checks, *d.cuts)}
+            cuts = next((z.cuts for z in d.sets if family == "guided"), d.cuts)
+            apart |= {c.name for c in (*d.checks, *cuts)}
             if points:
                 read_sets(source, design, d, t, apart | {f"{d.prefix}_cut"}, found)
             else:
-                _read_cuts(source, d, moved, found)
+                _read_cuts(source, cuts, moved, part)
                 own_places.read_own(source, design, d, t, apart, found)
         else:
             _read_ranges(source, d, t, found)
@@ -195,10 +196,10 @@ def _read_checks(source: Source, d, modes: tuple[str, ...], t, found: _Found) ->
                                        "what the tables do not know. Print it again.")
 
 
-def _read_cuts(source: Source, d, t, found: _Found) -> None:
+def _read_cuts(source: Source, cuts, t, found: _Found) -> None:
     """Read the ranges that bounds are cut to."""
-    for cut, tables in zip(d.cuts, (t, t.change)):
-        machine = Machine(source, d.real, clip=frozenset({f"{d.prefix}_clip"}))
+    for cut, tables in zip(cuts, (t, t.change)):
+        machine = Machine(source, t.real, clip=frozenset({f"{cut.name.rpartition('_cut')[0]}_clip"}))
         machine.call(cut.name)
         for framer in SIDES:
             for i in range(len(t.x_lo)):
@@ -211,7 +212,7 @@ def _read_cuts(source: Source, d, t, found: _Found) -> None:
 
 def _read_ranges(source: Source, d, t, found: _Found) -> None:
     """Read the cut and the boxes to start from."""
-    _read_cuts(source, d, t, found)
+    _read_cuts(source, d.cuts, t, found)
     for function, vector in (("init", "x0"), ("whole_range", "x")):
         machine = Machine(source, d.real, skip=apart(d.prefix) | {f"{d.prefix}_clear"})
         machine.call(f"{d.prefix}_{function}")

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 from ..certify import sliding_claims
 from ..certify.exact import Q
+from ..plant.bounded import bounded
 from . import margins
 from .margins import Margin, _pivots, tightest
 
@@ -14,7 +15,7 @@ LOOPS = ("period", "turn", "pull", "ground", "inverse", "foot", "a", "b", "K", "
          "share")
 #: What leaves its bounds where a fault is found, and the constants behind that: none is promised to be found.
 SEEN = ("output", PAIRS)
-PLANT = ("time.kind", "time.sample_period")
+PLANT = ("time.kind", "time.sample_period", "signals.theta", "mode.bounds")
 DWELL = ("switching.minimum_dwell", "switching.average_dwell")
 SOURCE = "own derivation: the scheme of this family (codegen.observers.sliding)"
 #: What every entry of J is to be: the thesis takes ones of a half.
@@ -43,7 +44,8 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
         Checks by exact arithmetic.
     """
     found: dict[str, list] = {}
-    for kind, left, where in sliding_claims.rooms(design.plant, t, cert):
+    seen = bounded(design.plant)
+    for kind, left, where in sliding_claims.rooms(seen, t, cert):
         found.setdefault(kind, []).append((left, where))
     of = {kind: tightest(WORDS[kind], cases) for kind, cases in found.items()}
 
@@ -77,7 +79,7 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
     yield "Theorem 12", claim(
         "theorem-12", "The gains of continuous time meet the matrix inequalities; the tables hold them for a period.",
         "P >= 1; A - L C + limit I >= 0 entrywise; -[S, P; P, -gamma I] > 0; -[S, P F - CC' J; *, J' J - beta I] > 0; "
-        "L of the tables = int e^((A - L C) s) ds L", (*theorem(design.plant, cert), of["gain"]),
+        "L of the tables = int e^((A - L C) s) ds L", (*theorem(seen, cert), of["gain"]),
         "codegen.certify.sliding_claims.check_theorem", ("L",),
         source="C. Zammali (2020), chapter 4, Theorem 12, corrected", checks=own)
 

@@ -45,13 +45,15 @@ def check(plant, modes, t, cert: dict) -> list[str]:
     check_ranges({"x": plant.limits("x"), "x0": (plant.x0_lo, plant.x0_hi)}, told)
     check_framers(modes, told, cert["told"])
     first, *others = mode_certificate.check(plant, t, cert)
+    turned = ("" if told.change is None else "; they are those of z = Z x, of which those of x are made, and begin "
+              "with what Z makes of x where a switch within a period is possible")
     return [first,
             "framers are kept for every mode that is possible, with nonnegative step matrices or opposite bounds where "
             "they are negative; the framers of a mode hold the state for as long as it is the true one: what rounded "
             "constants, inputs and sums may lose is in their offsets, and a switch within a period is in the boxes "
-            "from which they start" if plant.kind == "continuous" else
+            f"from which they start{turned}" if plant.kind == "continuous" else
             "framers are kept for every mode that is possible; the framers of a mode hold the state for as long as it "
-            "is the true one: what rounded constants, inputs and sums may lose is in their offsets",
+            f"is the true one: what rounded constants, inputs and sums may lose is in their offsets{turned}",
             "no switching makes the bounds grow without end: they are cut to the boxes of the mode estimator at every "
             "sample",
             *others]
@@ -65,9 +67,18 @@ def check_joint(t) -> None:
     CertificateError
         Naming what differs.
     """
-    told = t.told
     check_shared(t)
     check_coordinates(t)
+    check_parameters(t.told)
+
+
+def check_parameters(told) -> None:
+    """Check that bounds of parameters are the same in all modes: the C does not know which of them is active.
+
+    Raises
+    ------
+    CertificateError
+    """
     if told.vary is not None and any(np.any(b != b[:1]) for b in (told.vary.theta_lo, told.vary.theta_hi)):
         raise CertificateError("certificate: bounds of parameters differ between modes, expected one for all.")
 
@@ -81,8 +92,11 @@ def check_shared(t) -> None:
         Naming what differs.
     """
     told = t.told
-    if told.change is not None or (told.vary is not None and told.vary.late):
-        raise CertificateError("certificate: framers in other coordinates or for modes told late, expected neither.")
+    if told.vary is not None and told.vary.late:
+        raise CertificateError("certificate: framers for modes told late, expected others.")
+    if told.change is not None and any(np.any(N) for N in (told.N_lo, told.N_hi)):
+        raise CertificateError("certificate: framers in other coordinates read the measurement of the next sample, "
+                               "expected N = 0.")
     for name, sign in (("u_lo", 1), ("u_hi", -1), ("y_lo", 1), ("y_hi", -1)):
         if np.any(sign * getattr(t, name) < sign * getattr(told, name)):
             raise CertificateError(f"certificate: {name} is beyond what the framers accept.")

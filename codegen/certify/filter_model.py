@@ -74,7 +74,7 @@ def joint(modes, t) -> tuple[JointMode, ...]:
     return tuple(joint_mode(m, t, q) for q, m in enumerate(modes))
 
 
-def _sizes(lo: Array, hi: Array) -> Array:
+def sizes(lo: Array, hi: Array) -> Array:
     """Largest magnitudes, exactly."""
     lo, hi = rational(lo), rational(hi)
     return np.array([max(abs(a), abs(b)) for a, b in zip(lo, hi)] or zeros(0), dtype=object)
@@ -91,8 +91,8 @@ def joint_mode(m, t, q: int) -> JointMode:
     C, D, Dv = (rational(getattr(m, k)) for k in ("C", "D", "Dv"))
     Bw, Dw = rational(m.Bw), rational(_feedthrough(m))
     M, G, L, K, Du, Dy = (rational(getattr(t, k)[q]) for k in ("M", "G", "L", "K", "Du", "Dy"))
-    u, y = _sizes(t.u_lo, t.u_hi), _sizes(t.y_lo, t.y_hi)
-    w, v = _sizes(m.w_lo, m.w_hi), _sizes(m.v_lo, m.v_hi)
+    u, y = sizes(t.u_lo, t.u_hi), sizes(t.y_lo, t.y_hi)
+    w, v = sizes(m.w_lo, m.w_hi), sizes(m.v_lo, m.v_hi)
     slip = [np.array([input_error(x, t.real) for x in z] or zeros(0), dtype=object) for z in (u, y)]
     J = np.concatenate([np.concatenate([A, zeros(n_x, n_s)], axis=1),
                         np.concatenate([product(L, C), M], axis=1)], axis=0)
@@ -145,7 +145,7 @@ def rounding_of(t, which: str, q: int) -> list[fmpq]:
     rate, tiny = _rate(t, len(t.limit))
     own = ("K", "Du", "Dy") if which == "estimate" else ("M", "G", "L")
     state, of_u, of_y = (rational(getattr(t, name)[q]) for name in own)
-    u, y, limit = _sizes(t.u_lo, t.u_hi), _sizes(t.y_lo, t.y_hi), rational(t.limit)
+    u, y, limit = sizes(t.u_lo, t.u_hi), sizes(t.y_lo, t.y_hi), rational(t.limit)
     return [rate * (_size(a, limit) + _size(b, u) + _size(c, y)) + tiny for a, b, c in zip(state, of_u, of_y)]
 
 
@@ -206,4 +206,4 @@ def parts(m) -> tuple[Array, Array, list[Array], Array]:
 
 def boxes(t, x0_lo: Array, x0_hi: Array) -> tuple[Array, Array]:
     """Half widths about zero of x in the initial box and in the declared range, exactly."""
-    return _sizes(x0_lo, x0_hi), _sizes(t.x_lo, t.x_hi)
+    return sizes(x0_lo, x0_hi), sizes(t.x_lo, t.x_hi)

@@ -13,15 +13,18 @@ from ..errors import CertificateError
 from . import sliding_claims
 from .claims import check as check_framers
 from .claims import check_ranges
-from .driven_certificate import check_shared
+from .driven_certificate import check_parameters, check_shared
 
 
-def check(plant, t, cert: dict) -> list[str]:
+def check(plant, modes, t, cert: dict) -> list[str]:
     """Re-check a certificate; return what is proved, one sentence per claim.
 
     Parameters
     ----------
     plant : Plant
+        Without parameters (``plant.bounded``): what the estimator sees.
+    modes : sequence
+        Modes that the framers see, with parameters.
     t : GuidedTables
     cert : dict
         That of the estimator, with that of the framers as "told".
@@ -36,7 +39,7 @@ def check(plant, t, cert: dict) -> list[str]:
     """
     check_joint(t)
     check_ranges({"x": plant.limits("x"), "x0": (plant.x0_lo, plant.x0_hi)}, t.told)
-    check_framers(plant.observed.modes, t.told, cert["told"])
+    check_framers(modes, t.told, cert["told"])
     decision, test, held, alarm, width, theorem = sliding_claims.check(plant, t, cert)
     return [decision, test, held,
             "the framers of a mode hold the state while that mode is active, from any box that holds it: what rounded "
@@ -57,7 +60,8 @@ def check_joint(t) -> None:
     """
     told = t.told
     check_shared(t)
-    if told.vary is not None and told.vary.parameters:
-        raise CertificateError("certificate: the framers measure parameters, expected none.")
+    if told.change is not None:
+        raise CertificateError("certificate: framers in other coordinates, expected those of x.")
+    check_parameters(told)
     if np.any(t.x_lo != told.x_lo) or np.any(t.x_hi != told.x_hi):
         raise CertificateError("certificate: the ranges of x are not those of the framers.")

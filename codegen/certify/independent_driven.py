@@ -48,10 +48,10 @@ def middle_mode(p, most):
 
 
 def check_told(t, cert, plant):
-    """The framers of every mode; modes that are told late, or other coordinates, are none of theirs."""
+    """The framers of every mode, those of z where coordinates are changed; modes told late are none of theirs."""
     given, boxes, signals, h, late = plant
     told = t["told"]
-    demand(not late and "change" not in told, "framers in other coordinates, or for modes told late")
+    demand(not late, "framers for modes told late")
     if "vary" in told:
         lpv.check_framers(told, cert["told"], given, boxes, signals, h, late, True)
         return
@@ -73,13 +73,26 @@ def check_ranges(t):
         demand(a <= lo and hi <= b and max(-lo, hi) <= box, "range of x beyond that of the framers")
 
 
+def check_bounds(told):
+    """Bounds of parameters are those of every mode."""
+    for side in ("lo", "hi"):
+        bounds = told.get("vary", {}).get(f"theta_{side}", [])
+        demand(all(b == bounds[0] for b in bounds), "bounds of parameters that differ between modes")
+
+
+def check_accepted(text, prefix, told):
+    """Parameters that the C accepts are those within the bounds."""
+    if "vary" in told:
+        bounds = numbers(functions(text, prefix, "theta_accepted"), told["real"])
+        ends = [sorted(flat([told["vary"][f"theta_{s}"][:k] for s in ("lo", "hi")])) for k in (1, None)]
+        demand(sorted(bounds) in ends, "bounds of parameters that are accepted")
+
+
 def check_joint(t):
     """Ranges that framers and estimator share, bounds of parameters without a mode, and the way from x to S x."""
     check_ranges(t)
     told, real = t["told"], t["real"]
-    for side in ("lo", "hi"):
-        bounds = told.get("vary", {}).get(f"theta_{side}", [])
-        demand(all(b == bounds[0] for b in bounds), "bounds of parameters that differ between modes")
+    check_bounds(told)
     box = exact(told["box"])
     for i, (row, used, room) in enumerate(zip(exact(t["S"]), exact(t["S_rounded"]), t["xi_room"], strict=True)):
         error = rounding([*zip(used, box), (F(1), F(room))], real)[0]
@@ -89,14 +102,12 @@ def check_joint(t):
 def check_source(text, header, t, prefix):
     """The C: functions of the framers hold their numbers, all the others are those of an estimator."""
     told, bare = t["told"], re.sub(r"/\*.*?\*/", "", text, flags=re.S)
-    names = r"(?:(?:forward|blind)(?:_\w+)?|cut_x|theta_accepted)"
+    names = r"(?:(?:forward|blind)(?:_\w+)?|cut_[xz]|to_[xz]|theta_accepted)"
     own = functions(bare, prefix, names)
-    demand(all(f"{prefix}_{name}(" in own for name in ("forward", "blind")), "the maps of the framers are missing")
+    needed = ("forward", "blind", *("to_x", "to_z") * ("change" in told))
+    demand(all(f"{prefix}_{name}(" in own for name in needed), "the maps of the framers are missing")
     (lpv.check_source if "vary" in told else plain.check_source)(own, told)
-    if "vary" in told:
-        bounds = numbers(functions(bare, prefix, "theta_accepted"), t["real"])
-        ends = [sorted(flat([told["vary"][f"theta_{s}"][:k] for s in ("lo", "hi")])) for k in (1, None)]
-        demand(sorted(bounds) in ends, "bounds of parameters that are accepted")
+    check_accepted(bare, prefix, told)
     for piece in re.findall(rf"\n\w[^\n]*{prefix}_{names}\([^;]*?\)\n{{.*?\n}}\n", bare, re.S):
         bare = bare.replace(piece, "\n")
     births.check_source(bare, header, t, prefix, {
@@ -104,7 +115,9 @@ def check_source(text, header, t, prefix):
 
 
 def main(folder, design, record):
-    """Check a folder; status 2: what is driven are no framers."""
+    """Check a folder; filters are handed over; status 2: what is driven is neither."""
+    if any("E" in t["told"] for t in design["tables"].values()):
+        return __import__("independent_trailing").main(folder, design, record)
     if any("shape" in t["told"] for t in design["tables"].values()):
         return 2
     plant, known = read_plant(design["plant"]["toml"]), None

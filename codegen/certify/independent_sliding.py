@@ -17,6 +17,7 @@ from fractions import Fraction as F  # noqa: N817 - on every line
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
+import independent_driven as framers  # noqa: E402 - stands beside this file
 from independent import SIDES, UNIT, demand, exact, mul, read_plant, rounding, size, sub, sup  # noqa: E402
 from independent_energy import surely_positive  # noqa: E402 - both stand beside this file
 from independent_period import LOSS, Plant, exponential  # noqa: E402
@@ -173,10 +174,19 @@ def check_source(text, header, t, prefix):
         demand(re.findall(rf"#define \w+_{name} (\d+)U", header) == [str(t[name.lower()])], f"macro {name}")
 
 
+def without_parameters(design):
+    """Modes whose parameters are bounded disturbances, for the widest inputs that are accepted; ranges, initial box."""
+    u = [max(abs(F(t[f"u_{s}"][j])) * (1 + UNIT[t["real"]][0]) + UNIT[t["real"]][1] for t in design["tables"].values()
+             for s in ("lo", "hi")) for j in range(len(next(iter(design["tables"].values()))["u_lo"]))]
+    given, boxes, *_ = framers.read_plant(design["plant"]["toml"])
+    return framers.middle_plant(given, boxes["x"], u), boxes["x"], boxes["x0"]
+
+
 def check_design(design):
     """The tables of an estimator against the plant."""
     toml = tomllib.loads(design["plant"]["toml"])
-    modes, ranges, box0 = read_plant(design["plant"]["toml"])
+    theta = toml["signals"].get("theta")
+    modes, ranges, box0 = without_parameters(design) if theta else read_plant(design["plant"]["toml"])
     T, dwell = F(float(toml["time"]["sample_period"])), toml["switching"]
     dwell = F(float(dwell.get("minimum_dwell", dwell.get("average_dwell"))))
     plant = Plant(modes, [[F(i == j) for j in range(len(ranges))] for i in range(len(ranges))], T)

@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import CertificateError
 from .mode_delay import Course, Story, survival
 from .mode_restart import restarted
-from .mode_widths import AgesError, contracted
+from .mode_widths import AgesError, contracted, measured
 
 Array = np.ndarray
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class Claims:
                 above[r] = max(above[r], program.most({end["hi"][r]: 1.0, end["c"][r]: -1.0}, f"hi {r}"))
                 below[r] = max(below[r], program.most({end["c"][r]: 1.0, end["lo"][r]: -1.0}, f"lo {r}"))
         widths = above + below
-        widths[:p] = t.v_hi - t.v_lo
+        widths[:p] = measured(t)
         return widths
 
     def begun(self) -> Array:

@@ -19,11 +19,29 @@ class AgesError(CertificateError):
         self.least = least
 
 
+def rounding(t) -> float:
+    """The share of its terms by which a computed end of a box may be beyond the exact one."""
+    return (t.Phi.shape[1] + len(t.u_lo) + 8) * float(np.finfo(t.real).eps)
+
+
+def most(lo: Array, hi: Array) -> Array:
+    """Magnitudes that a vector between these ends does not exceed."""
+    return np.maximum(np.abs(lo), np.abs(hi)).astype(float)
+
+
+def measured(t) -> Array:
+    """Widths of S x in its first rows just after a measurement, rounding included."""
+    p, noise = len(t.v_lo), most(t.v_lo, t.v_hi)
+    terms = most(t.wide_lo, t.wide_hi)[:p] + 2 * np.abs(t.D) @ most(t.u_lo, t.u_hi) + 5 * noise
+    return (t.v_hi.astype(float) - t.v_lo + 2 * rounding(t) * terms) * (1 + 1e-12)
+
+
 def narrowed(t, widths: Array, q: int) -> Array:
-    """Widths of a box of mode q a period later, cut to the noise."""
-    p = len(t.v_lo)
-    widths = (np.abs(t.Phi[q]).astype(float) @ widths + 2 * t.reach[q].astype(float)) * (1 + 1e-12)
-    widths[:p] = np.minimum(widths[:p], (t.v_hi - t.v_lo).astype(float) * (1 + 1e-12))
+    """Widths of a box of mode q a period later, cut to the noise, rounding included."""
+    p, reach = len(t.v_lo), t.reach[q].astype(float)
+    terms = np.abs(t.Phi[q]) @ t.limit + np.abs(t.Gamma[q]) @ most(t.u_lo, t.u_hi) + np.abs(t.shift[q]) + reach
+    widths = (np.abs(t.Phi[q]).astype(float) @ widths + 2 * reach + 2 * rounding(t) * terms) * (1 + 1e-12)
+    widths[:p] = np.minimum(widths[:p], measured(t))
     return widths
 
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from . import families, framer_parts, mode_parts
+import numpy as np
+
+from . import families, framer_parts, manual, mode_parts
 from .cprint import initialiser
 from .families import Member, Word, state_layout
 from .layouts import lay_out
 from .maps import MapSpec, Names, Table
 from .mode_parts import ModeView
-from .parts import Field, Operations, Parts, Size, vector_table
+from .parts import Cut, Field, Operations, Parts, Size, vector_table
 from .varying import Varying, lay_out_varying
 
 
@@ -26,13 +28,20 @@ class Copy:
 class DrivenView(ModeView):
     """Beside the estimator's: S and its room, the box of the framers, what is copied for a step of a mode.
 
-    ``held`` are the members of the struct that such a step reads, ``copies`` those of them that all modes share.
+    ``held`` are the members of the struct that such a step reads, ``copies`` those of them that all modes share;
+    ``step`` and ``blind`` are the calls of the maps, ``answers`` a struct that only they need, and ``moved`` the one
+    that holds the result. ``turns`` is "z" where the coordinates are changed, else nothing.
     """
 
     forth: tuple[Table, ...]
     frame_limit: Table
     held: tuple[Field, ...]
     copies: tuple[Copy, ...]
+    step: str
+    blind: str
+    answers: tuple[str, ...]
+    moved: str
+    turns: tuple[str, ...]
 
 
 def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts:
@@ -65,10 +74,15 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     numbers: list[Member] = [member for member in own.state.members if member[1] in ("box_lo", "box_hi")]
     numbers += [(real, f"frame_{side}", f"[{m}_NFRAME]", (f"{end} bounds of x per mode, {m}_NX numbers each",))
                 for side, end in (("lo", "lower"), ("hi", "upper"))]
+    turns, meaning = bool(t.told.change), manual.changed(t.told, x, t.real) if t.told.change else ()
+    numbers += [(real, f"frame_z_{side}", f"[{m}_NFRAME]", (f"{end} bounds of z per mode, from which those of x follow"
+                                                            f"{':' * bool(note)}", *note))
+                for side, end, note in (("lo", "lower", meaning), ("hi", "upper", ()))] * turns
     numbers += [(real, name, f"[{count}]", (note,)) for name, count, note, _ in shared]
     numbers += [member for member in own.state.members if member[1] == "alive"]
     kept = [f"s->{name}[{i}]" for name, n in (
-        ("frame_lo", frames), ("frame_hi", frames), *((name, n) for name, _, _, n in shared)) for i in range(n)]
+        ("frame_lo", frames), ("frame_hi", frames), *((("frame_z_lo", frames), ("frame_z_hi", frames)) * turns),
+        *((name, n) for name, _, _, n in shared)) for i in range(n)]
     words: list[Word] = [("decided", "0U", "mode of the last answer"),
                          ("framed", "0U", "bit q: the bounds of mode q are those of the last sample"),
                          ("measured", "0U", "1: the last sample had its measurement")]
@@ -76,7 +90,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     state = state_layout(names, s, 1, numbers, 2 * boxes + len(kept), kept, words, extra=len(t.Phi))
     operations = own.operations + moves(views, t)
     return replace(own, noun="bounds", header="driven.h.jinja", maps=views, state=state, operations=operations,
-                   cuts=tuple(replace(cut, name=f"{cut.name}_x") for cut in framer_parts.cuts(names, t.told, layout)),
+                   cuts=cuts(names, t.told, layout),
                    sets=(view(own.sets[0], t, names, shared),),
                    lengths=(*own.lengths, ("NFRAME", frames)))
 
@@ -84,14 +98,21 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
 def maps(told, names: Names, x, y) -> tuple[MapSpec | Varying, ...]:
     """The maps that move framers that are told their mode, on a struct of their own in place of the state."""
     _, forward, blind = families.specs("tnl", told, names, x, y)
-    return given(forward, names.prefix), given(blind, names.prefix)
+    return tuple(given(spec, names.prefix) for spec in (*families.change_specs(told, names, x), forward, blind))
+
+
+def cuts(names: Names, told, layout: str) -> tuple[Cut, ...]:
+    """The cuts of framers; that of x has another name, as boxes are cut too."""
+    first, *others = framer_parts.cuts(names, told, layout)
+    return replace(first, name=f"{first.name}_x"), *others
 
 
 def given(spec: MapSpec | Varying, p: str) -> MapSpec | Varying:
     """The same map, of what is held for one mode; the name of its cut is another, as boxes are cut too."""
     own = spec.spec if isinstance(spec, Varying) else spec
     own = replace(own, parameters=tuple(text.replace(f"{p}_state", f"{p}_held") for text in own.parameters),
-                  index="s->mode", tail=tuple(text.replace(f"{p}_cut(", f"{p}_cut_x(") for text in own.tail))
+                  index="s->mode" if own.selector == "s->mode" else own.index,
+                  tail=tuple(text.replace(f"{p}_cut(", f"{p}_cut_x(") for text in own.tail))
     return replace(spec, spec=own) if isinstance(spec, Varying) else own
 
 
@@ -99,7 +120,10 @@ def view(mode: ModeView, t, names: Names, shared) -> DrivenView:
     """Print the tables of the framers beside those of the estimator."""
     m, real = names.macro, names.real_type
     S = Table("forth", f"[{m}_NX][{m}_NX]", (), tuple(f"{initialiser(row, t.real)}," for row in t.S_rounded))
-    sides = tuple((real, f"x_{side}", f"[{m}_NX]", ()) for side in ("lo", "hi"))
+    turns, p = ("z",) * (t.told.change is not None), names.prefix
+    sides = tuple((real, f"{v}_{side}", f"[{m}_NX]", ()) for v in ("x", *turns) for side in ("lo", "hi"))
+    own = () if turns else ("own",)
+    more = "".join(f", &{name}" for name in own)
     held = tuple(Field(*f) for f in (*sides, *((real, name, f"[{count}]", ()) for name, count, *_ in shared),
                                      ("uint32_t", "mode", "", ()),
                                      *((("uint32_t", "spare", "", ("not read",)),) * (t.real == "float64"))))
@@ -107,13 +131,19 @@ def view(mode: ModeView, t, names: Names, shared) -> DrivenView:
     return DrivenView(**vars(mode) | {"sizes": (*mode.sizes, frames)},
                       forth=(S, vector_table("xi_room", f"{m}_NX", t.xi_room, t.real)),
                       frame_limit=vector_table("frame_limit", f"{m}_NX", t.told.box, t.real), held=held,
-                      copies=tuple(Copy(name, count) for name, count, *_ in shared))
+                      copies=tuple(Copy(name, count) for name, count, *_ in shared), turns=turns, answers=own,
+                      moved="held" if turns else "own", step=f"{p}_forward(&held, in{more});",
+                      blind=f"{p}_blind(&held{more});")
 
 
 def moves(views, t) -> Operations:
     """Count the dearest sample of the framers of all modes, twice where nothing was possible."""
     (n_modes, n, _, _), ages = t.sizes, t.ages + 1
-    multiply, add, compare = (int(max(pair)) for pair in zip(*(v.operations + [0, 0, 4 * n] for v in views)))
+    *changes, forward, blind = (v.operations + [0, 0, 4 * n] for v in views)
+    multiply, add, compare = (int(max(pair)) for pair in zip(forward, blind))
+    for to_x, to_z in zip(changes[::2], changes[1::2]):  # one of both after a step, and z anew
+        one, more, least = np.maximum(to_x, to_z) + 2 * to_z + [0, 0, 9 * n]
+        multiply, add, compare = multiply + int(one), add + int(more), compare + int(least)
     boxes = ages * (4 * n * n)
     return Operations(n_modes * (multiply + 2 * n * n + 2 * boxes),
                       n_modes * (add + 2 * n * n + 2 * n + 2 * boxes + 4 * ages * n),

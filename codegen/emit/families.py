@@ -64,12 +64,17 @@ def specs(family: str, t, names: Names, x, y) -> tuple[MapSpec, MapSpec | Varyin
         own = {"parameters": (f"const {p}_state *s", f"const {p}_in *in", f"{p}_out *out"), **then}
         read, target, u, last_y = "s->x", "out->x", "s->u", "s->y"
         blind_own = own | {"parameters": (f"const {p}_state *s", f"{p}_out *out")}
+        if t.change is not None:  # of bounds that are held for one mode: they move where they are
+            read = target = "s->z"
+            own |= {"parameters": (f"{p}_state *s", f"const {p}_in *in")}
+            blind_own |= {"parameters": (f"{p}_state *s",)}
     cut, blind_tail = ((f"{p}_cut({target}_lo, {target}_hi);",),) * 2
     to = {"target_lo": f"{target}_lo", "target_hi": f"{target}_hi", "rows": states, "row_count": f"{m}_NX",
           "minus": ""}
     blind_read, blind_to = read, to
     if t.change is not None:  # blind moves x, forward z
-        blind_read, blind_to = "out->x", to | {"target_lo": "s->x_lo", "target_hi": "s->x_hi"}
+        blind_read = "out->x" if family == "interval" else "s->x"
+        blind_to = to | {"target_lo": "s->x_lo", "target_hi": "s->x_hi"}
         to = to | {"rows": z_rows(t)}
         cut, blind_tail = ((f"{p}_cut_z(s->z_lo, s->z_hi);", f"{p}_to_x(s);"),
                            (f"{p}_cut(s->x_lo, s->x_hi);", f"{p}_to_z(s);"))

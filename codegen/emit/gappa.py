@@ -30,6 +30,7 @@ from . import (
     gappa_pairs,
     gappa_polytopic,
     gappa_sums,
+    guided_parts,
     point_parts,
 )
 from .gappa_sums import SIDES, Magnitude, Sum
@@ -56,6 +57,9 @@ ABOUT_DRIVEN = ("operation rounded and once exact. What they may differ by is th
 ABOUT_FOLLOWER = ("operation rounded and once exact. What they may differ by is the margin: of the estimate what the",
                   "set of errors gets, of the boxes what they gain for the rounding of this sum. All layouts calculate",
                   "these sums: a")
+ABOUT_GUIDED = ("operation rounded and once exact. What they may differ by is the margin: of the framers what their",
+                "offsets leave over, of the pairs what offsets and bounds of the noise hold for the rounding of this",
+                "sum, while the decision is right. All layouts calculate these sums: a")
 OWN = r"\bm_(?=\d)"  # max(-x_lo, x_hi) of framers; boxes have one, too
 LAST = "Last in a residual the measurement is subtracted: that keeps the sign, which is what an alarm looks at."
 LAST_POINTS = "A comparison with a bound looks at the sign of a difference, which rounding keeps."
@@ -138,6 +142,8 @@ def rounding(design, d: DesignView) -> RoundingView:
             return _of_polytopic(design.plant, t, d)
         if d.family == "driven":
             return _of_driven(design.plant, t, names, d)
+        if d.family == "guided":
+            return _of_guided(design.plant, t, names, d)
         if d.family == "follower":
             return _of_follower(design.plant, t, names, d)
         about = _of_points if hasattr(t, "shape") else {"filter": _of_filter, "mode": _of_boxes,
@@ -224,6 +230,18 @@ def _of_driven(plant, t, names: Names, d: DesignView) -> RoundingView:
         operands.setdefault(re.sub(OWN, r"frame_\g<0>", name), ends)  # what is accepted, is by both
     return RoundingView(FORMAT[d.real], tuple(Operand(name, *ends) for name, ends in operands.items()), computed, rows,
                         float(np.finfo(t.dtype).max).hex(), ABOUT_DRIVEN, LAST_POINTS)
+
+
+def _of_guided(plant, t, names: Names, d: DesignView) -> RoundingView:
+    """State the sums of the pairs, and of the framers in every mode."""
+    pairs = _of_pairs(plant.modes, t, names, d)
+    specs = guided_parts.maps(t.told, guided_parts.inner_names(names), d.x, d.y)
+    rows, computed = _of_framers(plant.observed.modes, t.told, replace(names, prefix=f"{names.prefix}_told"), specs)
+    operands = {o.name: o for o in pairs.operands}
+    for operand in (Operand(*o) for spec in specs for o in gappa_sums.operands(spec, t.told)):
+        operands.setdefault(operand.name, operand)  # what is accepted, is by both
+    return replace(pairs, operands=tuple(operands.values()), magnitudes=computed, rows=(*pairs.rows, *rows),
+                   about=ABOUT_GUIDED)
 
 
 def _of_follower(plant, t, names: Names, d: DesignView) -> RoundingView:

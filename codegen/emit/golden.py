@@ -55,7 +55,7 @@ def tail(t) -> tuple[tuple[bool, int], ...]:
     if isinstance(t, BankTables):
         return ((True, 0),) * t.gap + TAIL  # they pay for the sample without measurement
     # Boxes of S x, and estimates, have no bounds of x to put to the ends.
-    return TAIL if t.vary is None or isinstance(t, ModeTables | PolytopicTables) else WIDE_TAIL
+    return TAIL if t.vary is None or isinstance(t, ModeTables | PolytopicTables | SlidingTables) else WIDE_TAIL
 
 
 def steps_of(t) -> int:
@@ -184,7 +184,8 @@ def vectors(design, real: str) -> tuple[Vector, ...]:
     y = np.where(measured[:, None], y, 0).astype(y.dtype)
     trace = _answers(copy(design.observer), design.observer.tables[real], u, y, q, theta, measured)
     *states, first, second = trace.numbers()
-    residuals = [np.where(measured[:, None], a, 0).astype(y.dtype) for a in (first, second)]
+    states, residuals = ([np.where(measured[:, None] | ~np.isnan(a), a, 0).astype(y.dtype) for a in numbers]
+                         for numbers in (states, (first, second)))
     states, residuals = (states, residuals) if states else (residuals[:1], residuals[1:])
     return tuple(Vector((initialiser(u[k], real),) if u.shape[1] else (),
                         (initialiser(y[k], real), *([initialiser(theta[k], real)] * bool(theta.shape[1]))),

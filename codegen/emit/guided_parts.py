@@ -11,7 +11,7 @@ from .follower_parts import InnerView, Struct, whole
 from .layouts import lay_out
 from .manual import Bit
 from .maps import MapSpec, Names
-from .parts import Field, Operations, Parts
+from .parts import Cut, Field, Operations, Parts
 from .render import render
 from .sliding_parts import SlidingView
 from .varying import Varying, lay_out_varying
@@ -19,9 +19,10 @@ from .varying import Varying, lay_out_varying
 
 @dataclass(frozen=True)
 class GuidedView(SlidingView):
-    """Beside the estimator's: the inner C of the framers."""
+    """Beside the estimator's: the inner C of the framers, and the cuts in it."""
 
     told: str
+    cuts: tuple[Cut, ...]
 
 
 def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts:
@@ -34,7 +35,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     s : Supervision
     names : Names
     signals : tuple of tuple of Channel
-        x, u, y and no parameters.
+        x, u, y and the measured parameters.
     layout : {"literal", "table", "loop"}
         Of the range checks and of the framers' maps; the pairs are loops over tables in each.
 
@@ -42,9 +43,9 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     -------
     Parts
     """
-    m, real, (x, u, y, _) = names.macro, names.real_type, signals
+    m, real, (x, u, y, theta) = names.macro, names.real_type, signals
     own = sliding_parts.parts("sliding", t, s, names, signals, layout)
-    inner = replace(names, prefix=f"{names.prefix}_told", checked=True)
+    inner = inner_names(names)
     views = tuple((lay_out_varying if isinstance(spec, Varying) else lay_out)(spec, layout)
                   for spec in maps(t.told, inner, x, y))
     numbers, words, kept = sliding_parts.members(t, names)
@@ -53,17 +54,24 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
         for side, end in (("lo", "lower"), ("hi", "upper"))]
     held += [("told_u", "NU", len(u), "inputs of the last sample")] * bool(u)
     held.append(("told_y", "NY", len(y), "measurements of the last sample"))
+    held += [("told_theta", "NTHETA", len(theta), "parameters of the last sample")] * bool(theta)
     more: list[Member] = [(real, name, f"[{m}_{count}]", (note,)) for name, count, _, note in held]
     kept += [f"s->{name}[{i}]" for name, _, count, _ in held for i in range(count)]
     bits = (*own.bits, *(Bit(stem, f"0x{2 << c.index:X}U", f"{c.name} outside its bounds in out->mode")
                          for c, stem in zip(y, macro_names((c.name for c in y), ["TWICE", "CROSSED"]))),
             Bit("CROSSED", f"0x{2 << len(y):X}U", "a lower bound in out->mode above the upper one"))
     reals = 2 * t.sizes[0] * t.sizes[1] + 2 * len(x) + len(kept)
-    c = render("framers.c.jinja", d=_inner(views, t, inner, names.prefix, len(u), layout)).rstrip("\n")
+    d = _inner(views, t, inner, names.prefix, (len(u), len(theta)), layout)
+    c = render("framers.c.jinja", d=d).rstrip("\n")
     return replace(own, header="guided.h.jinja", bits=bits, out_fields=tuple(Field(*f) for f in out_fields(names)),
                    state=state_layout(names, s, len(bits), numbers + more, reals, kept, words),
                    operations=own.operations + operations(views, t),
-                   sets=(GuidedView(**vars(own.sets[0]), told=c),))
+                   sets=(GuidedView(**vars(own.sets[0]), told=c, cuts=d.cuts),))
+
+
+def inner_names(names: Names) -> Names:
+    """Names of the inner C, which is given a mode that has been checked."""
+    return replace(names, prefix=f"{names.prefix}_told", checked=True)
 
 
 def maps(told, inner: Names, x, y) -> tuple[MapSpec | Varying, ...]:
@@ -79,10 +87,10 @@ def out_fields(names: Names) -> list[Member]:
     return [(*f[:3], raw) if f[1] == "raw" else f for f in sliding_parts.out_fields(names)]
 
 
-def _inner(views: tuple, t, inner: Names, outer: str, n_u: int, layout: str) -> InnerView:
+def _inner(views: tuple, t, inner: Names, outer: str, counts: tuple[int, int], layout: str) -> InnerView:
     """Collect what the inner C prints of the framers."""
     bounds = [f for f in families.out_fields(inner) if f[2]]
-    given = [f for f in in_fields(inner, n_u, 0) if f[1] != "spare"]
+    given = [f for f in in_fields(inner, *counts) if f[1] != "spare"]
     state = [*bounds[:2], *given]
     structs = [Struct(name, whole([Field(*f) for f in members], t.real))
                for name, members in (("state", state), ("in", given), ("out", bounds))]
@@ -96,4 +104,5 @@ def operations(views: tuple, t) -> Operations:
     residual, forward, blind = (v.operations for v in views)
     moves = [max(a, b) for a, b in zip(forward + [0, 0, 4 * n * t.clamp], blind + [0, 0, 4 * n])]
     multiply, add, compare = (a + b for a, b in zip(residual, moves))
-    return Operations(int(multiply), int(add), int(compare) + 3 * n + 2 * p)
+    parameters = t.vary.parameters if t.vary else 0
+    return Operations(int(multiply), int(add), int(compare) + 3 * n + 2 * p + 2 * parameters)

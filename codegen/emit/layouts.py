@@ -16,7 +16,7 @@ import numpy as np
 
 from .loops import LoopPrinter
 from .maps import Case, MapSpec, MapView, Switch
-from .pieces import pointers
+from .pieces import arguments
 from .straight import straight
 
 Array = np.ndarray
@@ -62,8 +62,8 @@ def _by_mode(spec: MapSpec, everything: Array, rows: Array, apart: Array) -> Map
     groups: dict[tuple, list[int]] = {}  # modes with the same code share it
     for q, body in enumerate(bodies):
         groups.setdefault(body.rows, []).append(q)
-    arguments = ", ".join(pointers(spec))
-    cases = [Case(tuple(spec.names.mode_macros[q] for q in group), f"{bodies[group[0]].name}({arguments})")
+    given = ", ".join(arguments(spec))
+    cases = [Case(tuple(spec.names.mode_macros[q] for q in group), f"{bodies[group[0]].name}({given})")
              for group in groups.values()]
     titles = [" and ".join(f'Mode "{spec.names.modes[q]}"' for q in group) for group in groups.values()]
     straights = [replace(bodies[group[0]], equation=(f"{title}.",)) for title, group in zip(titles, groups.values())]
@@ -72,7 +72,7 @@ def _by_mode(spec: MapSpec, everything: Array, rows: Array, apart: Array) -> Map
     if len(together):
         body = straight(replace(spec, tail=()), everything, f"{spec.name}_alike", together)
         straights.insert(0, replace(body, equation=("Rows that all modes calculate alike.",)))
-        first = (f"{body.name}({arguments});",)
+        first = (f"{body.name}({given});",)
     # A mode out of range (a state upset in memory) takes the first mode, in the switch as in every table.
     switch = Switch(spec.name, spec.equation, spec.parameters, spec.selector, first, tuple(cases[1:]), cases[0])
     return MapView(straights=tuple(straights), switches=(switch,))

@@ -19,14 +19,14 @@ def bounds(spec: MapSpec, side: str) -> tuple[str, str]:
 
 
 def unused(spec: MapSpec, text: Iterable[str]) -> tuple[str, ...]:
-    """Return the pointer parameters that the printed code does not touch."""
+    """Return the parameters that the printed code does not touch."""
     code = " ".join([*text, *spec.tail])
-    return tuple(p for p in pointers(spec) if f"{p}->" not in code and f"{p}[" not in code)
+    return tuple(p for p in arguments(spec) if f"{p}->" not in code and f"{p}[" not in code and f"[{p}]" not in code)
 
 
-def pointers(spec: MapSpec) -> tuple[str, ...]:
-    """Return the names of the parameters, all of which are pointers."""
-    return tuple(parameter.split("*")[-1] for parameter in spec.parameters)
+def arguments(spec: MapSpec) -> tuple[str, ...]:
+    """Return the names of the parameters: pointers, or the number of a mode."""
+    return tuple(parameter.replace("*", " ").split()[-1] for parameter in spec.parameters)
 
 
 def mode_rows(mode: str, value: Array, real: str) -> list[str]:

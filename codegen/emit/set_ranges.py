@@ -154,6 +154,19 @@ def pairs(t, members: dict[str, str]) -> Ranges:
     return Ranges({}, words | dict.fromkeys(("fresh", "armed", "refuted"), 2 ** count - 1), (), kept)
 
 
+def guided(t, members: dict[str, str]) -> Ranges:
+    """The same, and bounds that are those of framers within the range of x, or else the estimator's; last sample.
+
+    Zero is what init and reset store of that.
+    """
+    own, most = pairs(t, members), np.maximum(t.limit, t.told.box)
+    last = [("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi)]
+    last += [("theta", t.vary.theta_lo[0], t.vary.theta_hi[0])] if t.vary else []
+    kept = own.kept | dict.fromkeys(("told_lo", "told_hi"), (-most, most))
+    kept |= {f"told_{name}": (np.minimum(lo, 0), np.maximum(hi, 0)) for name, lo, hi in last}
+    return Ranges(own.numbers, own.words, own.about, kept)
+
+
 def bank(t, members: dict[str, str]) -> Ranges:
     """States and averages, with which all observers start anew beyond their limits; the last measurement; counts."""
     return Ranges({}, {"left": t.keep, "wait": max(t.settle, t.begin), "credit": t.credit}, (),
@@ -166,6 +179,9 @@ def driven(t, members: dict[str, str]) -> Ranges:
     boxes, n_modes = modes(t, members), len(t.Phi)
     frames = np.tile(t.told.box, n_modes)
     numbers = narrowed(t) | {f"frame_{side}": (-frames, frames) for side in ("lo", "hi")}
+    if t.told.change is not None:
+        turned = np.tile(t.told.change.box, n_modes)
+        numbers |= {f"frame_z_{side}": (-turned, turned) for side in ("lo", "hi")}
     return Ranges(numbers, boxes.words | {"framed": 2**n_modes - 1, "measured": 1},
                   ("When a call ends each box has been cut to its limits and carried over one period, or is one of the",
                    "boxes to start from, or has been found empty. Bounds of a mode whose bit of framed is set are in",
@@ -224,4 +240,4 @@ def _origin(t) -> dict:
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "starts": thresholds, "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
           "mode": modes, "driven": driven, "follower": follower, "polytopic": polytopic, "descriptor": polytopic,
-          "sliding": pairs, "bank": bank}
+          "sliding": pairs, "guided": guided, "bank": bank}

@@ -22,7 +22,7 @@ import numpy as np
 
 from .cprint import Term, constant, count_operations, literal, sum_lines
 from .maps import Case, MapSpec, MapView, Row, Statement, Straight, Switch
-from .pieces import bounds, pointers, unused
+from .pieces import arguments, bounds, unused
 from .straight import Columns
 
 Array = np.ndarray
@@ -80,8 +80,8 @@ def lay_out_varying(v: Varying, layout: str) -> MapView:
         return MapView(straights=(body(v, modes, v.spec.name),))
     names, spec = v.spec.names, v.spec
     parts = [replace(body(v, modes[[q]], f"{spec.name}_{q}"), equation=(f'Mode "{names.modes[q]}".',)) for q in modes]
-    arguments = ", ".join(pointers(spec))
-    cases = [Case((names.mode_macros[q],), f"{part.name}({arguments})") for q, part in zip(modes, parts)]
+    given = ", ".join(arguments(spec))
+    cases = [Case((names.mode_macros[q],), f"{part.name}({given})") for q, part in zip(modes, parts)]
     switch = Switch(spec.name, spec.equation, spec.parameters, spec.selector, (), tuple(cases[:-1]), cases[-1])
     return MapView(straights=tuple(parts), switches=(switch,))
 

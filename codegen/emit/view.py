@@ -22,6 +22,7 @@ from ..observers import (
     PointTables,
     PolytopicTables,
     SlidingTables,
+    TrailingTables,
 )
 from . import (
     bank_parts,
@@ -37,6 +38,7 @@ from . import (
     point_parts,
     polytopic_parts,
     sliding_parts,
+    trailing_parts,
 )
 from .cprint import C_TYPE, check_prefix, comment, initialiser, literal, macro_names
 from .layouts import LAYOUTS
@@ -226,10 +228,11 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
 
 def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
     """What is the family's own."""
-    if isinstance(t, FilterTables):
+    if isinstance(t, FilterTables | TrailingTables):
         faults = manual.channels(design.plant.f, *(side.astype(t.dtype) for side in design.plant.limits("f")), t.real,
                                  "f_hat")
-        return filter_parts.parts(t, s, names, signals, layout, faults)
+        make = filter_parts.parts if isinstance(t, FilterTables) else trailing_parts.parts
+        return make(t, s, names, signals, layout, faults)
     if isinstance(t, BankTables):
         return bank_parts.parts(t, s, names, signals, tuple(f.name for f in design.plant.f))
     if isinstance(t, DescriptorTables):

@@ -167,4 +167,5 @@ MEASURED = ("r_lo", "r_hi", "r", "r_bound", "f_hat", "f_bound")
 WORDS = ("mode", "mode_set", "settled_set", "candidate", "age", "inside", "settled", "isolated", "ready", "raised")
 VECTORS = frozenset({*START, *ALWAYS, *MEASURED, "u", "y", "theta", "history", "xi", "alive", "z", "shown_lo",
                      "shown_hi", "frame_lo", "frame_hi", "twist_lo", "twist_hi", "rate_lo", "rate_hi", "level", "a",
-                     "left", "told_x_hat", "told_u", "told_y", "told_shape", "told_lo", "told_hi"})
+                     "left", "told_x_hat", "told_u", "told_y", "told_shape", "told_lo", "told_hi", "told_xi",
+                     "told_stage", "told_since"})

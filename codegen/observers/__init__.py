@@ -15,6 +15,7 @@ from .follower import FollowerObserver, FollowerTables, FollowerTrace
 from .framer import FramerTables, Variation
 from .guided import GuidedObserver, GuidedTables
 from .interval import IntervalObserver
+from .loose_filter import LooseFilter
 from .mode_observer import ModeObserver, ModeTrace
 from .mode_tables import ModeTables
 from .point import PointObserver, PointTables
@@ -29,6 +30,7 @@ from .supervisor import Supervision
 from .thresholds import ThresholdObserver, ThresholdTables
 from .tnl import TnlObserver
 from .trace import FilterTrace, PointTrace, Trace
+from .trailing import TrailingObserver, TrailingTables, TrailingTrace
 from .zonotope import ZonotopeObserver, ZonotopeTables
 
 FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": ZonotopeObserver,
@@ -36,14 +38,15 @@ FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": Zonoto
             "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
             "filter": FilterObserver, "mode": ModeObserver, "driven": DrivenObserver, "follower": FollowerObserver,
             "polytopic": PolytopicObserver, "descriptor": DescriptorObserver, "bank": BankObserver,
-            "sliding": SlidingObserver, "guided": GuidedObserver}
+            "sliding": SlidingObserver, "guided": GuidedObserver, "trailing": TrailingObserver}
 
 __all__ = ["FAMILIES", "BankObserver", "BankTables", "BankTrace", "BlockObserver", "BlockTables", "BoxObserver",
            "BoxTables", "Coordinates", "DescriptorObserver", "DescriptorTables", "DrivenObserver", "DrivenTables",
            "EllipsoidObserver", "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables",
            "FilterTrace", "FollowerObserver", "FollowerTables", "FollowerTrace", "FramerTables", "GuidedObserver",
-           "GuidedTables", "IntervalObserver", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver",
-           "PointTables", "PointTrace", "PolytopicObserver", "PolytopicTables", "PolytopicTrace", "Runner",
-           "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables", "SlidingTrace", "StartObserver",
-           "StartTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables",
-           "Variation", "ZonotopeObserver", "ZonotopeTables"]
+           "GuidedTables", "IntervalObserver", "LooseFilter", "ModeObserver", "ModeTables", "ModeTrace",
+           "PointObserver", "PointTables", "PointTrace", "PolytopicObserver", "PolytopicTables", "PolytopicTrace",
+           "Runner", "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables", "SlidingTrace",
+           "StartObserver", "StartTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver",
+           "Trace", "TraceTables", "TrailingObserver", "TrailingTables", "TrailingTrace", "Variation",
+           "ZonotopeObserver", "ZonotopeTables"]

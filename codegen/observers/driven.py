@@ -11,6 +11,9 @@ they are where the mode is told (``tnl``; N = 0 for the classical observer), are
    by it, at every sample at which it is possible, and start from it where they did not live;
 4. they are cut to the estimator's boxes of their mode; empty: no hypothesis of mode q is left.
 
+Framers in other coordinates carry z = Z x beside x (``changed``): 1 moves both; where 3 or a start has made x anew, z
+is what Z makes of it; 4 cuts z to that, too.
+
 So while no fault acts: where q is the true mode, its framers live and hold the state. Either the mode was active all
 through the last period: then it was true at the last sample, too, its framers held the state and its step carries it;
 what follows from the truth excludes nothing (1, 2). Or it began within the period (3). No mode left is a fault, or an
@@ -24,7 +27,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from .framer import FramerTables, open_loop, propagate
+from .changed import blind_step, measured_step, turned
+from .framer import FramerTables
 from .mode_observer import ModeObserver, ModeTrace, expected, merged
 from .mode_set import ModeSet, ModeState, image
 from .mode_tables import ModeTables
@@ -40,7 +44,7 @@ class DrivenTables(ModeTables):
     Parameters
     ----------
     told : FramerTables
-        Of the observer that is told its mode; C and D the same in all modes, no change of coordinates.
+        Of the observer that is told its mode; C and D the same in all modes.
     S_rounded : ndarray (n_x, n_x), xi_room : ndarray (n_x,)
         S in the type of the C, and what that and the product may lose.
     """
@@ -86,6 +90,7 @@ class DrivenObserver(ModeObserver):
     def _forget(self, t: DrivenTables, runs: int) -> None:
         n_modes, n, n_u, n_y = t.sizes
         self.lo = self.hi = np.zeros((runs, n_modes, n), dtype=t.dtype)
+        self.z = None if t.told.change is None else (self.lo, self.hi)
         self.framed = np.zeros((runs, n_modes), dtype=bool)
         self.u, self.y = np.zeros((runs, n_u), dtype=t.dtype), np.zeros((runs, n_y), dtype=t.dtype)
         self.theta = np.zeros((runs, 0 if t.vary is None else t.vary.parameters), dtype=t.dtype)
@@ -98,11 +103,15 @@ class DrivenObserver(ModeObserver):
         seen, before = run.seen(u, y), run.cut(self.state, None)
         r_lo, r_hi = expected(t, before, seen)
         now = merged(measured, run.cut(before, seen), before)
-        lo, hi = self.moved(t, measured, y, theta)
+        lo, hi, z = self.moved(t, measured, y, theta)
         kept = self.framed & now.alive[..., 1:].any(axis=-1)
         now = narrowed(t, now, kept, lo, hi)
         lo, hi = framed(t, run, now, kept, lo, hi)
-        now.alive &= np.all(lo <= hi, axis=-1)[..., None]
+        sound = np.all(lo <= hi, axis=-1)
+        if z is not None:
+            z = turned(t.told, kept & now.alive[..., 1:].any(axis=-1) & ~now.alive[..., 0], (lo, hi), z)
+            sound &= np.all(z[0] <= z[1], axis=-1)
+        now.alive &= sound[..., None]
         raw, whole = ~now.alive.any(axis=(1, 2)), run.everywhere(t.wide_lo, t.wide_hi, measured.shape)
         now = merged(raw, whole, now)
         now.mode = self.state.mode
@@ -118,33 +127,38 @@ class DrivenObserver(ModeObserver):
         self.state = merged(on, fresh, self.state)
         self.state.mode = np.where(on, mode, now.mode)
         judged = on & measured
-        self._keep(on, judged, lives & ~(raw | again)[:, None], lo, hi, u, y, theta)
+        self._keep(on, judged, lives & ~(raw | again)[:, None], (lo, hi), z, u, y, theta)
         out.x_lo[on] = np.where(lives[..., None], lo, np.inf).min(axis=1)[on]
         out.x_hi[on] = np.where(lives[..., None], hi, -np.inf).max(axis=1)[on]
         out.r_lo[judged], out.r_hi[judged] = r_lo[judged], r_hi[judged]
         self._answer(out, on, measured, now, mode, raw, alarm, np.where(measured, assured, free))
 
-    def moved(self, t: DrivenTables, measured: Array, y: Array, theta: Array) -> tuple[Array, Array]:
-        """Framers of every mode after a step of their own: lo, hi (S, N, n_x)."""
+    def moved(self, t: DrivenTables, measured: Array, y: Array, theta: Array):
+        """Framers of every mode after a step of their own: lo, hi (S, N, n_x), and those of z or None."""
         told, runs = t.told, len(measured)
-        out_lo, out_hi = np.zeros_like(self.lo), np.zeros_like(self.hi)
+        out, out_z = ([np.zeros_like(self.lo) for _ in range(2)] for _ in range(2))
         step = self.theta
         if told.vary is not None and told.vary.midpoint:
             step = (self.theta + theta) * t.dtype.type(0.5)
         corrected = (self.full & measured)[:, None]
         for p in range(t.sizes[0]):
-            q, lo, hi = np.full(runs, p), self.lo[:, p], self.hi[:, p]
-            full = propagate(told, q, lo, hi, self.u, self.y, y, step, change=theta - self.theta)
-            blind = open_loop(told, q, lo, hi, self.u)
-            out_lo[:, p], out_hi[:, p] = (np.where(corrected, a, b) for a, b in zip(full, blind))
-        return out_lo, out_hi
+            q, x = np.full(runs, p), (self.lo[:, p], self.hi[:, p])
+            z = None if self.z is None else (self.z[0][:, p], self.z[1][:, p])
+            full = measured_step(told, q, x, z, self.u, self.y, y, step, theta - self.theta)
+            blind = blind_step(told, q, x, self.u)
+            for to, a, b in zip((out, out_z), full, blind):
+                for side in range(0 if a is None else 2):
+                    to[side][:, p] = np.where(corrected, a[side], b[side])
+        return *out, None if self.z is None else out_z
 
-    def _keep(self, on: Array, judged: Array, lives: Array, lo: Array, hi: Array, u: Array, y: Array,
-              theta: Array) -> None:
+    def _keep(self, on: Array, judged: Array, lives: Array, x, z, u: Array, y: Array, theta: Array) -> None:
         """Store what the next sample needs, for the runs in ``on``."""
+        def stored(new, old):
+            return tuple(np.where((on[:, None] & lives)[..., None], a, b) for a, b in zip(new, old))
+
         self.framed = np.where(on[:, None], lives, self.framed)
-        self.lo, self.hi = (np.where((on[:, None] & lives)[..., None], new, old)
-                            for new, old in ((lo, self.lo), (hi, self.hi)))
+        self.lo, self.hi = stored(x, (self.lo, self.hi))
+        self.z = None if z is None else stored(z, self.z)
         self.u = np.where(on[:, None], u, self.u)
         self.y, self.theta = (np.where(judged[:, None], new, old) for new, old in ((y, self.y), (theta, self.theta)))
         self.full = np.where(on, judged, self.full)

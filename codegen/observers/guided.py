@@ -36,10 +36,15 @@ class GuidedTables(SlidingTables):
     Parameters
     ----------
     told : FramerTables
-        Of the observer that is told its mode; no measured parameters, no change of coordinates.
+        Of the observer that is told its mode; no change of coordinates.
     """
 
     told: FramerTables | None = None
+
+    @property
+    def vary(self):
+        """Parameters of the framers, if any are measured: the C reads them."""
+        return self.told.vary if self.told.vary is not None and self.told.vary.parameters else None
 
     @property
     def clamp(self) -> bool:
@@ -63,7 +68,6 @@ class GuidedObserver(SlidingObserver):
 
     family = "guided"
     tables_class = GuidedTables
-    stated = False
 
     def bits(self, t: GuidedTables) -> int:
         """Alarm bits: the estimator's, one per output, crossed bounds."""
@@ -74,17 +78,18 @@ class GuidedObserver(SlidingObserver):
         super().start(t, runs, x0_lo, x0_hi)
         _, n, n_u, p = t.sizes
         self.frame = [np.zeros((runs, n), t.dtype) for _ in range(2)]
-        self.before = [np.zeros((runs, count), t.dtype) for count in (n_u, p)]
+        self.before = [np.zeros((runs, count), t.dtype) for count in (n_u, p, t.vary.parameters if t.vary else 0)]
 
-    def _answered(self, t: GuidedTables, step: Array, kept: Array, answer, u: Array, y: Array, r):
+    def _answered(self, t: GuidedTables, step: Array, kept: Array, answer, u: Array, y: Array, theta: Array, r):
         """Bounds, residuals and alarm bits of the framers."""
-        (shown, decided), none = answer, np.zeros((len(step), 0), t.dtype)
-        moved = propagate(t.told, decided, *self.frame, *self.before, y, none, change=none)
+        (shown, decided), (*last, before) = answer, self.before
+        between = (before + theta) * t.dtype.type(0.5) if t.vary and t.vary.midpoint else before
+        moved = propagate(t.told, decided, *self.frame, *last, y, between, change=theta - before)
         blind = open_loop(t.told, decided, *self.frame, self.before[0])
         lo, hi = (np.where(step[:, None], a, b) for a, b in zip(moved, blind))
         lo, hi = np.where(lo > shown[0], lo, shown[0]), np.where(hi < shown[1], hi, shown[1])
         self.frame = [np.where(kept[:, None], a, b) for a, b in zip((lo, hi), shown)]
-        self.before = [u, y]
+        self.before = [u, y, theta]
         r_lo, r_hi = residuals(t.told, decided, *self.frame, u, y)
         crossed = (self.frame[0] > self.frame[1]).any(axis=1)
         return self.frame, (r_lo, r_hi), np.column_stack([(r_lo > 0) | (r_hi < 0), crossed])

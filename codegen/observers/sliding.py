@@ -148,7 +148,8 @@ class SlidingObserver(Runner):
         wide = np.where(step, wide, (self.age <= t.blank) | crossed)
         shown = [np.where(wide[:, None], end, own) for end, own in zip((t.x_lo, t.x_hi), self.shown)]
         kept = np.where(step, ~wide, self.age > t.blank)
-        bounds, (r_lo, r_hi), raw = self._answered(t, step, kept, (shown, decided), u, y, tested(t, shown, seen))
+        bounds, (r_lo, r_hi), raw = self._answered(t, step, kept, (shown, decided), u, y, theta,
+                                                   tested(t, shown, seen))
         raw = np.column_stack([self._watch(t, step, failed), raw])
         x = [np.where(failed[..., None], end, own) for end, own in zip((t.x_lo, t.x_hi), self.x)]
         self._move(t, step, u, seen, (x, z, rate), failed, (shown, decided))
@@ -169,7 +170,8 @@ class SlidingObserver(Runner):
         out.latched_bits[on] = pack(self.guard.latched)[on]
         out.alarm[step] = alarm[step].any(axis=1)
 
-    def _answered(self, t: SlidingTables, step: Array, kept: Array, answer, u: Array, y: Array, residuals):
+    def _answered(self, t: SlidingTables, step: Array, kept: Array, answer, u: Array, y: Array, theta: Array,
+                  residuals):
         """Bounds, residuals and further alarm bits that are answered; ``kept``: bounds go on."""
         return answer[0], residuals, np.zeros((len(step), 0), bool)
 

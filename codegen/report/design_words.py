@@ -9,8 +9,17 @@ import numpy as np
 
 from ..analysis.detectability import limited, ultimate_errors
 from ..certify.claims import ultimate_width
-from ..observers import BankTables, FilterTables, PointTables, PolytopicTables
-from . import bank_words, filter_words, mode_words, parameter_words, polytopic_words, sliding_words, words
+from ..observers import BankTables, FilterTables, PointTables, PolytopicTables, TrailingTables
+from . import (
+    bank_words,
+    filter_words,
+    mode_words,
+    parameter_words,
+    polytopic_words,
+    sliding_words,
+    trailing_words,
+    words,
+)
 from .plant_words import reach
 from .table import Cell, Fact, Folded, Row, Table, table
 
@@ -92,6 +101,7 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
     own = filter_words.facts(design, real) if is_filter(design, real) else ()
     own = polytopic_words.facts(design, real) if is_polytopic(design, real) else own
     own = bank_words.facts(design, real) if is_bank(design, real) else own
+    own = trailing_words.facts(design, real) if is_trailing(design, real) else own
     tried = words.count(len(design.choice), "certified design")
     if "gains" in design.options:
         why = "the gains were given in the plant file; they were certified, not chosen"
@@ -99,6 +109,8 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
         why = sliding_words.CRITERION
     elif design.certificate[real]["kind"] == "mode" and "told" not in design.certificate[real]:
         why = "there is nothing to choose but how many ages are told apart: the fewest that can be certified"
+    elif is_trailing(design, real):
+        why = trailing_words.WHY
     elif is_polytopic(design, real) or is_bank(design, real):
         why = "there is one design: the lowest level within the bounds of gain and decay"
     elif not design.plant.f and not criterion:
@@ -125,10 +137,11 @@ def _varying(design, real: str) -> str:
     vary = design.observer.tables[real].vary
     if vary is None or is_polytopic(design, real) or is_bank(design, real):
         return ", with weights that read measured parameters" * (vary is not None)
+    told = getattr(design.observer.tables[real], "told", design.observer.tables[real])
     parts = ["constants affine in the measured parameters"] * bool(vary.parameters)
     parts += ["radii for what is only bounded"] * bool(np.any(vary.R) or np.any(vary.S))
-    parts += ["bounds of z = Z x, of which those of x are made"] * (design.observer.tables[real].change is not None)
-    parts += ["each entry of T A − L C on the bound that its sign asks for"] * design.observer.tables[real].signed
+    parts += ["bounds of z = Z x, of which those of x are made"] * (told.change is not None)
+    parts += ["each entry of T A − L C on the bound that its sign asks for"] * told.signed
     return f", with {words.listed(parts)}" if parts else ""
 
 
@@ -171,6 +184,8 @@ def _bounds(design, real: str) -> tuple[Table, ...]:
         return polytopic_words.tables(design, real)
     if is_bank(design, real):
         return bank_words.tables(design, real)
+    if is_trailing(design, real):
+        return trailing_words.bounds(design, real)
     width = settled_width(design, real)
     if width is None:
         return mode_words.delays(design, real)
@@ -229,7 +244,8 @@ def _not_guaranteed(design, real: str) -> tuple[str, ...]:
     items = ["That a fault below the thresholds is found. It may be, or may not.",
              *(_FILTER_LIMITS if is_filter(design, real) else polytopic_words.LIMITS if is_polytopic(design, real)
                else sliding_words.not_guaranteed(design.certificate[real]) if is_unproved(design, real)
-               else bank_words.LIMITS if is_bank(design, real) else _limits(design, point)),
+               else bank_words.LIMITS if is_bank(design, real)
+               else trailing_words.LIMITS if is_trailing(design, real) else _limits(design, point)),
              "Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
              "with the observer settled before it.", *parameter_words.not_guaranteed(design.plant)]
     if debounce != (1, 1):
@@ -253,6 +269,11 @@ def is_unproved(design, real: str) -> bool:
 def is_polytopic(design, real: str) -> bool:
     """Whether the firmware is an observer with weights, without bounds of the state."""
     return isinstance(design.observer.tables[real], PolytopicTables)
+
+
+def is_trailing(design, real: str) -> bool:
+    """Whether the firmware estimates faults in a mode that it finds itself."""
+    return isinstance(design.observer.tables[real], TrailingTables)
 
 
 def is_bank(design, real: str) -> bool:

@@ -57,14 +57,16 @@ def tables(design, real: str) -> tuple[Table, ...]:
     return (table("Thresholds of the decision", head, rows, notes),)
 
 
-def gains(design, real: str, matrix) -> tuple[Folded, ...]:
+def gains(design, real: str, matrix, t=None) -> tuple[Folded, ...]:
     """Tabulate the constants that the C holds, one fold per mode; ``matrix`` is (title, rows, columns, values).
+
+    ``t`` are those of the filters, by default the design's.
 
     Returns
     -------
     tuple of Folded
     """
-    t, plant = design.observer.tables[real], design.plant
+    t, plant = t or design.observer.tables[real], design.plant
     u, y, f = ([s.name for s in getattr(plant, vector)] for vector in "uyf")
     xi = [f"xi[{i}]" for i in range(len(t.limit))]
     shown = (("M", "of the filter", xi, xi), ("G", "gain on u", xi, u), ("L", "gain on y", xi, y),

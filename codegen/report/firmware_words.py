@@ -18,8 +18,18 @@ from ..observers import (
     PointTables,
     PolytopicTables,
     SlidingTables,
+    TrailingTables,
 )
-from . import bank_words, filter_words, mode_words, point_words, polytopic_words, sliding_words, words
+from . import (
+    bank_words,
+    filter_words,
+    mode_words,
+    point_words,
+    polytopic_words,
+    sliding_words,
+    trailing_words,
+    words,
+)
 from .table import Fact, Folded, Link, Table, table
 
 FILES = {
@@ -108,6 +118,8 @@ def gains(design, real: str) -> tuple[Folded, ...]:
     if isinstance(t, FollowerTables):
         return (*point_words.gains(design, real, _matrix, t.told),
                 *mode_words.gains(design, real, _matrix, "The mode estimator: "))
+    if isinstance(t, TrailingTables):
+        return trailing_words.gains(design, real, _matrix)
     if isinstance(t, ModeTables):
         return mode_words.gains(design, real, _matrix)
     if isinstance(t, GuidedTables):

@@ -42,8 +42,9 @@ def tables(design, real: str) -> tuple[Table, ...]:
     head = ("sampling period", "#noise, of the declared", "#switches", "#median delay", "#longest delay",
             "#switches missed", "#samples with a wrong mode")
     notes = ("Measured, not proved: the reference was run over random switching, at any instant, one to two and a half "
-             "dwell times apart, disturbances at their bounds, uniform noise; the same gains at each period. A delay "
-             "lasts until the mode is right for good. Other inputs, faults or switching may do worse.",)
+             "dwell times apart, disturbances at their bounds, parameters anywhere but constant, uniform noise; the "
+             "same gains at each period. A delay lasts until the mode is right for good. Other inputs, faults or "
+             "switching may do worse.",)
     measured = table("How soon the decision is right, and how often wrong: as measured", head, rows, notes)
     width = [(m.name, *(words.at_most(a + b) for a, b in zip(*e))) for m, e in zip(plant.modes, cert["errors"])]
     notes = ("Approached while the mode is the true one and stays; from a detection until the mode is taken up "

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..analysis.validate import Outcome
 from . import firmware_words, outcome_words, words
-from .design_words import bounds_states, is_bank, is_filter, is_polytopic, is_unproved
+from .design_words import bounds_states, is_bank, is_filter, is_polytopic, is_trailing, is_unproved
 from .table import Fact
 
 
@@ -78,7 +78,8 @@ def purpose(design) -> str:
     text : str
     """
     plant = design.plant
-    outputs = words.listed(dict.fromkeys(s.name for s in (*plant.y, *plant.theta) if s.measured))
+    read = plant.theta if design.observer.tables[plant.target.real].vary is not None else ()
+    outputs = words.listed(dict.fromkeys(s.name for s in (*plant.y, *read) if s.measured))
     if is_filter(design, plant.target.real):
         faults = words.listed(s.name for s in plant.f)
         assures = design.observer.supervision.assures
@@ -105,6 +106,8 @@ def purpose(design) -> str:
                                          f"{words.listed(s.name for s in plant.u)}, ")
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
                 f"reads {outputs}, {steers}answers with an estimate of {states}, and raises an alarm {when}.")
+    if is_trailing(design, plant.target.real):
+        states = f"{states}, with an estimate of {words.listed(s.name for s in plant.f)} in the mode that it finds"
     return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it reads "
             f"{outputs}, answers with guaranteed bounds on {states}, and raises an alarm only when the measurements "
             "cannot be explained without a fault.")

@@ -34,15 +34,8 @@ def explore(plant: Plant, options: dict, progress: Callable[[str], None]) -> Ite
         None survives rounding.
     """
     filter_calibration.asked(options)  # says what is wrong with them before any synthesis
-    problem, _ = stated(plant, options, not copies(plant, options))
     synthesis = options.get("synthesis", "slack")
-    progress(f"{synthesis}: {len(problem.modes)} modes, {problem.sizes[0]} states")
-    proposal = propose(problem, synthesis, float(options.get("order_loss", 0.0)),
-                       options.get("post_scaling", "none") == "steady")
-    gains = {"kind": "filter", "proposal": proposal}
-    if proposal.pairs is not None:
-        progress(f"projection: gains per pair of modes reach {proposal.pairs:.5g} at best, one filter per mode "
-                 f"{proposal.claimed:.5g}")
+    gains = proposed(plant, options, progress)
     progress(f"{synthesis}: thresholds")
     tables, cert = certified(plant, gains, options, plant.target.real)
     label = {"slack": "slack variables", "projection": "projection"}[synthesis]
@@ -50,15 +43,33 @@ def explore(plant: Plant, options: dict, progress: Callable[[str], None]) -> Ite
                           tables=tables, cert=cert)
 
 
-def certified(plant: Plant, gains: dict, options: dict, real: str) -> tuple[FilterTables, dict]:
-    """Freeze a proposed filter on one number type and certify level and thresholds.
+def proposed(plant: Plant, options: dict, progress: Callable[[str], None], switching=None) -> dict:
+    """Design a filter; ``switching`` in place of the plant's. Errors as ``explore``."""
+    problem = under(stated(plant, options, not copies(plant, options))[0], switching)
+    synthesis = options.get("synthesis", "slack")
+    progress(f"{synthesis}: {len(problem.modes)} modes, {problem.sizes[0]} states")
+    proposal = propose(problem, synthesis, float(options.get("order_loss", 0.0)),
+                       options.get("post_scaling", "none") == "steady")
+    if proposal.pairs is not None:
+        progress(f"projection: gains per pair of modes reach {proposal.pairs:.5g} at best, one filter per mode "
+                 f"{proposal.claimed:.5g}")
+    return {"kind": "filter", "proposal": proposal}
+
+
+def under(problem, switching):
+    """The same problem, or that under another switching where one is given."""
+    return problem if switching is None else problem.under(switching)
+
+
+def leveled(plant: Plant, gains: dict, options: dict, real: str, switching=None) -> tuple[dict, dict]:
+    """Constants of a proposed filter on one number type, and the proof of its level.
 
     Raises
     ------
     CertificateError
     """
     problem, units = stated(plant, options)
-    proposal = gains["proposal"]
+    problem, proposal = under(problem, switching), gains["proposal"]
     if copies(plant, options):
         _, apart = stated(plant, options, False)
         constants = with_copy(apart.emitted(proposal.gains, real), plant.enclosed.observed.modes, real)
@@ -69,13 +80,25 @@ def certified(plant: Plant, gains: dict, options: dict, real: str) -> tuple[Filt
     reached = None
     if real == plant.target.real:
         reached = worst_run(problem.modes, units.gains(constants), problem.switching, level, steps=60, beam=4).gain
+    return constants, {"kind": "filter", "level": level, "claimed": proposal.claimed, "reached": reached,
+                       "energy": proof}
+
+
+def certified(plant: Plant, gains: dict, options: dict, real: str) -> tuple[FilterTables, dict]:
+    """Freeze a proposed filter on one number type and certify level and thresholds.
+
+    Raises
+    ------
+    CertificateError
+    """
+    constants, cert = leveled(plant, gains, options, real)
+    switching, proposal = stated(plant, options)[0].switching, gains["proposal"]
     rows = options.get("set_rows")
-    graph = filter_bounds.Graph.of(problem.switching)
+    graph = filter_bounds.Graph.of(switching)
     t, held = frozen(plant.enclosed, constants, graph, real, None if rows is None else int(rows))
-    add, drain, limit = problem.switching.dwell
-    cert = {"kind": "filter", "level": level, "claimed": proposal.claimed, "reached": reached, "energy": proof,
-            "set_of_both": held, "steady_box": None, "dwell_add": add, "dwell_drain": drain, "dwell_limit": limit,
-            "post": [x.tolist() for x in proposal.xi], **({} if proposal.pairs is None else {"pairs": proposal.pairs})}
+    add, drain, limit = switching.dwell
+    cert |= {"set_of_both": held, "steady_box": None, "dwell_add": add, "dwell_drain": drain, "dwell_limit": limit,
+             "post": [x.tolist() for x in proposal.xi], **({} if proposal.pairs is None else {"pairs": proposal.pairs})}
     if options.get("threshold") == "calibrated":
         return filter_calibration.calibrated(plant, t, cert, options)
     return t, cert
@@ -95,7 +118,7 @@ def start_of(problem, gains) -> dict:
 
 def inequalities(plant: Plant, t: FilterTables, cert: dict) -> Iterator[tuple]:
     """The matrices of the level, on the numbers of the C (``switched_gain.inequalities``)."""
-    return switched_gain.inequalities(*_problem(plant, t), cert["energy"])
+    return switched_gain.inequalities(*problem_for(plant, t), cert["energy"])
 
 
 def demands(plant: Plant, t: FilterTables, cert: dict) -> Iterator[filter_bounds.Demand]:
@@ -106,9 +129,10 @@ def demands(plant: Plant, t: FilterTables, cert: dict) -> Iterator[filter_bounds
     return filter_bounds.demands(modes, whole, graph, cert["set_of_both"], first)
 
 
-def _problem(plant: Plant, t: FilterTables) -> tuple:
-    """Modes, names, switching and gains, as ``switched_gain`` takes them."""
+def problem_for(plant: Plant, t, switching=None) -> tuple:
+    """Modes, names, switching and gains, as ``switched_gain`` takes them; ``t`` has the constants of a filter."""
     problem, units = stated(plant, plant.options)
+    problem = under(problem, switching)
     gains = units.gains({k: getattr(t, k) for k in ("M", "L", "G", "K", "Dy", "Du")})
     return problem.modes, problem.names, problem.switching, gains
 
@@ -121,19 +145,29 @@ def check(plant: Plant, t: FilterTables, cert: dict) -> list[str]:
     CertificateError
         Naming mode, row or edge that fails.
     """
-    problem = _problem(plant, t)
+    problem = problem_for(plant, t)
     if tuple(problem[2].dwell) != tuple(cert[f"dwell_{k}"] for k in ("add", "drain", "limit")):
         raise CertificateError("certificate: the dwell time is not that of the plant file. Design again.")
-    level2 = switched_gain.check_gain(*problem, cert["energy"])
-    if Q(cert["level"]) * Q(cert["level"]) < level2:
-        raise CertificateError(f"certificate: the level {cert['level']:.6g} (found) is below the proved "
-                               f"{up(level2) ** 0.5:.6g}.")
+    check_level(problem, cert)
     for demand in demands(plant, t, cert):
         demand.require()
     proved = sentences(plant, t, cert)
     if "calibration" in cert:
         return [proved[0], *filter_calibration.check(plant, t, cert), proved[2], proved[3]]
     return proved
+
+
+def check_level(problem: tuple, cert: dict) -> None:
+    """Check the level of a filter exactly; ``problem`` of ``problem_for``.
+
+    Raises
+    ------
+    CertificateError
+    """
+    level2 = switched_gain.check_gain(*problem, cert["energy"])
+    if Q(cert["level"]) * Q(cert["level"]) < level2:
+        raise CertificateError(f"certificate: the level {cert['level']:.6g} (found) is below the proved "
+                               f"{up(level2) ** 0.5:.6g}.")
 
 
 def sentences(plant: Plant, t: FilterTables, cert: dict) -> list[str]:

@@ -107,9 +107,8 @@ def driven(plant: Plant, name: str, told: dict, proofs: dict, choice: list, opti
     Raises
     ------
     DesignError, CertificateError
-        As ``designed``; framers in other coordinates.
+        As ``designed``.
     """
-    require_x(plant, told, "joined")
     tables, certs = both(plant, options, lambda text: progress(f"{name}: {text}"))
     shared = [real for real in tables if real in told]
     return assembled(plant, name, "driven", {r: joined(DrivenTables, tables[r], told[r]) for r in shared},

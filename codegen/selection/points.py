@@ -101,7 +101,8 @@ def explore(plant: Plant, module, family: str, options: dict,
     check_set_options(plant.name, options, family, plant.n_y)
     if not plant.switching.known and options.get("tables", "none") not in ("none", "dwell"):
         raise DesignError(f'{plant.name}: observer.tables is "{options["tables"]}" where the mode is not known, '
-                          'expected "none" or "dwell": the set has to start from bounds of x at run time. Change it.')
+                          'expected "none" or "dwell": between its starts the observer that follows sees one mode '
+                          f'alone, so "dwell" is never worse than "{options["tables"]}". Take "dwell".')
     failure, made = None, []
     for c in candidates(plant, module, options, lambda text: progress(f"{text} ({len(made)} certified)")):
         gains = {"L": c.L, "N": c.N, "kind": c.kind}

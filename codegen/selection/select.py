@@ -21,7 +21,7 @@ from ..plant.uncertain import is_uncertain
 from ..synthesis import METHODS, check_modes, check_options, known_options
 from ..synthesis.linf import pairwise
 from ..synthesis.problem import Candidate, Problem
-from . import banks, filter_designs, modes, points, polytopes, sliding
+from . import banks, filter_designs, modes, points, polytopes, sliding, trailing
 
 Array = np.ndarray
 WITHIN = 3  # samples after the onset, where the plant file does not say
@@ -169,6 +169,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     if method and METHODS[method].estimates_mode:
         make = sliding.designed if METHODS[method].family == "sliding" else modes.designed
         return make(plant, method, options, progress)
+    if method and METHODS[method].family == "filter" and not plant.switching.known:
+        return trailing.designed(plant, method, options, progress)
     if method and METHODS[method].family == "bank":
         return banks.designed(plant, method, options, progress)
     if method and METHODS[method].family in ("polytopic", "descriptor"):
@@ -313,6 +315,12 @@ def fixed_gains(plant: Plant, name: str, options: dict, within: int) -> Trial:
         if value is None and key[0] == "N":
             value = np.zeros(shape)
         gains[key] = array(plant, key, value, shape)
+    reads_next = METHODS[name].family_for(plant) == "tnl" or not plant.switching.known
+    if np.any([gains["N_hi"], gains["N_lo"]]) and (not reads_next or "R" in known):
+        raise DesignError(f'{plant.name}: observer.gains.N is not zero, but the step of '
+                          + ("framers in other coordinates" if "R" in known else f'method "{name}"')
+                          + ' does not read the measurement of the next sample. Leave N out, or use method '
+                          '"tnl-interval" or "tnl-interval-lpv".')
     proof = {"kind": "none"}
     if "lambda" in options and ("P" in given or "P_hi" in given):
         proof = given_proof(plant, given, options)

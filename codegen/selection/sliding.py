@@ -9,6 +9,7 @@ from ..certify import sliding_claims
 from ..designs import Design
 from ..errors import CertificateError, DesignError
 from ..observers import GuidedObserver, GuidedTables, SlidingObserver, SlidingTables, Supervision
+from ..plant.bounded import bounded
 from ..plant.model import Plant
 from ..synthesis.guided_tables import guided as joined
 from ..synthesis.mode_sliding import TARGET, settings, theorem12
@@ -96,20 +97,21 @@ def both(plant: Plant, options: dict, progress: Callable[[str], None]) -> tuple[
     DesignError, CertificateError
         As ``designed``.
     """
-    chosen = settings(plant, options)
+    seen = bounded(plant)  # no parameter is an input of the estimator
+    chosen = settings(seen, options)
     progress(f"gains of {plant.n_modes} modes")
     try:
-        found = theorem12([m.A for m in plant.modes], plant.modes[0].C, chosen["limit"], chosen["weight"])
+        found = theorem12([m.A for m in seen.modes], seen.modes[0].C, chosen["limit"], chosen["weight"])
     except DesignError as error:
         raise DesignError(f"{plant.name}: {error}") from None
     progress("certificate")
-    tables = {real: tables_of(SlidingTables, plant, found, chosen, real) for real in REALS}
+    tables = {real: tables_of(SlidingTables, seen, found, chosen, real) for real in REALS}
     try:
-        certs = {real: sliding_claims.prove(plant, t, found, chosen["limit"], TARGET) for real, t in tables.items()}
+        certs = {real: sliding_claims.prove(seen, t, found, chosen["limit"], TARGET) for real, t in tables.items()}
     except CertificateError as error:
         raise CertificateError(f"{plant.name}: {error}") from None
     progress("delays and wrong decisions, measured")
     cells = measured(plant, SlidingObserver, supervision_of(plant), lambda p: tables_of(
-        SlidingTables, p, found, settings(p, options | {"slope": chosen["slope"]}), plant.target.real))
+        SlidingTables, bounded(p), found, settings(p, options | {"slope": chosen["slope"]}), plant.target.real))
     return (tables, {real: cert | {"measured": cells} for real, cert in certs.items()},
             f"gains within {chosen['limit']:g} 1/s")

@@ -1,7 +1,8 @@
 """Which mode is active when nobody tells: a bank of interval observers and super-twisting differentiators.
 
 Plant: switched, in continuous time, sampled; y = C x + D u + v with C, D and v common to the modes; the mode changes at
-any instant, with a dwell time.
+any instant, with a dwell time. Parameters are no inputs of the estimator: what they do is bounded with the disturbance
+(``plant.bounded``).
 
 The observer (``observers.sliding``) has per mode a pair of bounds with gains L_hi, L_lo. With the errors zeta of both,
 their sources W >= 0 and chi = (A_i - A_q) x + (B_i - B_q) u of a wrong mode, ``zeta' = Acl zeta + W + F chi`` and

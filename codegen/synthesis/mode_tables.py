@@ -136,14 +136,16 @@ def check(plant, method: str = "mode-set") -> None:
     DesignError
     """
     first = plant.modes[0]
-    if method == "mode-sliding" and (plant.kind != "continuous" or plant.theta):
-        raise DesignError(f"{plant.name}: {method} needs a continuous plant without parameters (found "
-                          f"{plant.kind}, {len(plant.theta)} parameters): the switch falls inside a period. State the "
-                          "plant in continuous time; bound a parameter by w.")
+    if method == "mode-sliding" and plant.kind != "continuous":
+        raise DesignError(f"{plant.name}: {method} needs a continuous plant (found {plant.kind}): the switch falls "
+                          "inside a period. State the plant in continuous time.")
     for m in plant.modes:
         if set(m.theta_terms) - {"A", "B"}:
             raise DesignError(f'{plant.name}: {method} needs parameters in A and B alone (mode "{m.name}" has one in '
                               f"{sorted(set(m.theta_terms) - {'A', 'B'})[0]}). Bound it by w or v.")
+    if any(np.any(m.Dw) for m in plant.modes):
+        raise DesignError(f"{plant.name}: {method} needs disturbances that are not in y (found Dw that is not zero). "
+                          "Bound that part by v.")
     for m in plant.modes[1:]:
         for name in ("C", "D", "Dv", "v_lo", "v_hi"):
             if not np.array_equal(getattr(m, name), getattr(first, name)):

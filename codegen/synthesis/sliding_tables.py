@@ -51,7 +51,7 @@ def tables_of(tables_class, plant, gains: dict, chosen: dict, real: str = "float
     tables_class : type
         ``SlidingTables``.
     plant : Plant
-        Continuous, without parameters, C, D and the bounds of v common to all modes.
+        Continuous, without parameters (``plant.bounded``), C, D and the bounds of v common to all modes.
     gains : dict
         "L_hi", "L_lo" of ``mode_sliding.theorem12``.
     chosen : dict

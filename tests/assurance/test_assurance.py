@@ -21,6 +21,7 @@ from helpers.table_numbers import (
     every_number_of_driven,
     every_number_of_follower,
     every_number_of_framers,
+    every_number_of_guided,
     every_number_of_the_family,
 )
 
@@ -135,6 +136,9 @@ def test_every_number_of_the_tables_is_there(folder, made):
         return
     if family_of(folder) == "driven":
         every_number_of_driven(t, found, [m.name for m in design.plant.modes])
+        return
+    if family_of(folder) == "guided":
+        every_number_of_guided(t, found, [m.name for m in design.plant.modes])
         return
     if family_of(folder) == "follower":
         every_number_of_follower(t, found, [m.name for m in design.plant.modes])

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers import banks, driven, follower, small_sliding, solved
+from helpers import banks, driven, follower, guided, small_sliding, solved
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import stand_in
 from helpers.table_numbers import every_number_of_the_family
@@ -25,12 +25,14 @@ from codegen.observers import FAMILIES
 
 CASES = [(f.name, layout) for f in OTHERS if family_of(f) == "filter" for layout in ("literal", "table", "loop")]
 CASES += [(f.name, "table") for f in OTHERS if f.name.startswith("quadrotor")]
-CASES += [("one input", "table"), ("no input, two outputs", "literal"), ("parameters", "table"), ("discrete", "loop")]
+CASES += [("one input", "table"), ("no input, two outputs", "literal"), ("parameters", "table"), ("discrete", "loop"),
+          ("turned", "table")]
 CASES += [("disc_sensors_bank", "table"), ("dlpv bank", "loop"), ("two pivots", "loop")]
 CASES += [(f"sliding: {name}", layout) for name, layout in (("one input", "loop"), ("no input, two outputs", "table"))]
 KINDS = [(*case, real) for case in CASES for real in ("float32", "float64")]
 KINDS += [("follower: box", "loop", "float64"), ("follower: ellipsoid", "table", "float32"),
-          ("follower: trace", "literal", "float64"), ("follower: table", "loop", "float32")]
+          ("follower: trace", "literal", "float64"), ("follower: table", "loop", "float32"),
+          ("guided: parameters", "table", "float32"), ("guided: no input, two outputs", "loop", "float64")]
 folders = pytest.mark.parametrize("folder", OTHERS, ids=lambda f: f.name)
 
 
@@ -40,6 +42,8 @@ def design_of(name):
         return banks.design()
     if name.startswith("sliding: "):
         return small_sliding.stand_in(name.removeprefix("sliding: "))
+    if name.startswith("guided: "):
+        return guided.stand_in(name.removeprefix("guided: "))
     if name.startswith("follower: "):
         return follower.stand_in(name.removeprefix("follower: "))
     if name == "two pivots":
@@ -114,6 +118,12 @@ CHANGED = {
         ("_SHARE 0.8F", "_SHARE 0.7F"), ("#define ZAMMALI_MODES_SMOOTH 0.5F", ""), ("_TURN 51.3125F", "_TURN 51.3125"),
         ("#define ZAMMALI_MODES_PULL", "#define else\n#define ZAMMALI_MODES_PULL"), ("root = 0.5F *", "root = 0.25F *"),
         ("(most + v_hi[i])", "(most - v_hi[i])"), ("s->age == ZAMMALI_MODES_BLANK", "s->age != ZAMMALI_MODES_BLANK")),
+    "guided: parameters": (
+        ("held.mode = out->mode;", "held.mode = 0U;"), ("kept && (own.x_lo[i] > out", "(own.x_lo[i] > out"),
+        ("+ (M_1_1 * s->x_lo[1]) - apart_1", "+ (M_1_1 * s->x_hi[1]) - apart_1"),
+        ("= s->told_theta[0];", "= in->theta[0];"), ("(uint32_t)2U << i", "(uint32_t)1U << i"),
+        ("valve_told_clip(x_lo[1], -", "valve_told_clip(x_lo[1], "), ("if (value < least)", "if (value > least)"),
+        ("typedef valve_real valve_told_real;", "typedef double valve_told_real;")),
     "follower: box": (
         ("held->mode = q;", "held->mode = 0U;"), ("typedef valve_real valve_told_real;",
                                                             "typedef double valve_told_real;"),
@@ -126,6 +136,14 @@ CHANGED = {
         ("+ (k[10] * a_0)", "+ (k[11] * a_0)"), ("valve_cut_x(out->x_lo, out->x_hi);\n}", "}"),
         ("held.mode = q;", "held.mode = 0U;"), ("below[i] - xi_room[i]", "below[i] + xi_room[i]"),
         ("x_hi[0] = valve_clip(x_hi[0]", "x_hi[0] = valve_clip(x_lo[0]"), ("in->theta[0] >= -", "in->theta[0] > -")),
+    "turned": (
+        ("(k[5] * s->z_lo[1])", "(k[5] * s->z_hi[1])"), ("* s->z_hi[0])", "* s->x_hi[0])"), (
+        "valve_cut_z(s->z_lo, s->z_hi);", ""), ("valve_to_x(s);", "valve_to_z(s);"), ("* s->x_lo[1])", "* s->x_lo[0])"),
+        ("(0.65F * s->x_lo[0])", "(0.66F * s->x_lo[0])"),
+        ("z_lo[0] = valve_clip(z_lo[0]", "z_lo[0] = valve_clip(z_hi[0]"),
+        ("s->alive[q] = 0U;", ""), ("const bool moved = kept && (!", "const bool moved = kept && ("),
+        ("held.z_lo[i] = s->frame_z_lo[at + i];", "held.z_lo[i] = s->frame_lo[at + i];"),
+        ("s->frame_z_hi[at + i] >= held", "s->frame_z_hi[at + i] <= held")),
 }
 
 
@@ -142,7 +160,11 @@ def test_a_changed_c_is_refused(name):
             r"(#define \w+_(?:LOST|AGES|LAST|DWELL|NF) )(\d+)U", r"\g<1>77U", header, count=1))
 
 
-@pytest.mark.parametrize("name", [n for n in CHANGED if not re.search("bank|contact|pivots", n)])  # many in tables
+#: With many numbers in tables.
+TABLED = [n for n in CHANGED if not re.search("bank|contact|pivot|turned|guided", n)]
+
+
+@pytest.mark.parametrize("name", TABLED)
 def test_two_numbers_of_a_table_may_not_change_places(name):
     text, header, _ = printed(name, "table")
     code = blank(text)
@@ -162,7 +184,8 @@ def spoilt(design, where, key, change):
         new = change(getattr(t, key))
         t = replace(t, **{key: new if key == "law" else np.asarray(new, getattr(t, key).dtype)})
     elif where == "told":
-        t = replace(t, told=replace(t.told, **{key: change(getattr(t.told, key)).astype(t.dtype)}))
+        new = change(getattr(t.told, key))
+        t = replace(t, told=replace(t.told, **{key: new.astype(t.dtype) if isinstance(new, np.ndarray) else new}))
     elif where == "set":
         own = t.told.shape
         t = replace(t, told=replace(t.told, shape=replace(own, **{key: change(getattr(own, key)).astype(t.dtype)})))
@@ -194,6 +217,15 @@ FALSE = {
         ("certificate", "P", lambda P: [[0.9 * x for x in p] for p in P], "no entry below 1"),
         ("certificate", "target", lambda J: 0.4, "level beta|entries of J|J"),
         ("certificate", "errors", lambda e: [[[0.99 * x for x in s] for s in m] for m in e], "does not settle"),
+        ("certificate", "dwell", lambda k: k - 1, "dwell time")),
+    "guided": (
+        *(("tables", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("d_hi", 0.98, "not far enough"), ("v_lo", 0.98, "test could fail"), ("L_hi", 1.001, "not the gain"),
+            ("x_hi", 0.9, "ranges of x"), ("x0_hi", 0.9, "ranges: x0 box"))),
+        *(("told", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("d_hi", 0.99, "framers: offset d"), ("a_lo", 0.99, "framers: offset a"), ("M_lo", 1.01, "framers: off"),
+            ("c_hi", 0.99, "framers: offset c"), ("x_lo", 0.9, "ranges of x"), ("y_hi", 0.99, "y_hi"))),
+        ("certificate", "target", lambda J: 0.4, "level beta|entries of J|J"),
         ("certificate", "dwell", lambda k: k - 1, "dwell time")),
     "filter": (
         ("tables", "h", lambda h: 0.99 * h, "estimate of fault 0"), ("tables", "limit", lambda x: 1e-3 * x, "limit|xi"),
@@ -279,6 +311,19 @@ def test_margins_refuse_what_does_not_hold(family):
     for where, key, change, words in FALSE[family]:
         with pytest.raises(CertificateError, match=words):
             claims(spoilt(design, where, key, change), "float32")
+
+
+def test_margins_of_other_coordinates():
+    design = driven.turned_design()
+    found = {c.id: c for c in claims(design, "float32")}["framers"]
+    assert {"Z", "X", "e", "b", "z"} <= set(found.constants)
+    assert {"range of z beyond what Z makes of the range of x", "offset e beyond its demand",
+            "offset b beyond its demand"} <= {m.what for m in found.margins}
+    own = design.observer.tables["float32"].told.change
+    for key, words in (("e_hi", "framers: offset e"), ("X", "framers: offset b"), ("z_lo", "framers: range of z")):
+        wrong = replace(own, **{key: getattr(own, key) * np.float32(0.9)})
+        with pytest.raises(CertificateError, match=words):
+            claims(spoilt(design, "told", "change", lambda c, new=wrong: new), "float32")
 
 
 #: A field of the set that is told its mode, made less, by case; what its margin is called.

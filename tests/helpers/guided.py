@@ -12,11 +12,11 @@ from codegen.observers import GuidedObserver, GuidedTables, Supervision
 from codegen.selection.select import certified
 from codegen.synthesis.guided_tables import guided
 
-from .small_modes import plant
+from .small_sliding import plant
 from .small_sliding import tables as estimator
 
 #: Part of A C^+ that L takes, of C^+ that N takes.
-GAINS = {"one input": (0.8, 0.0), "no input, two outputs": (0.3, 0.5)}
+GAINS = {"one input": (0.8, 0.0), "no input, two outputs": (0.3, 0.5), "parameters": (0.3, 0.5)}
 
 
 @lru_cache
@@ -25,8 +25,9 @@ def told(name: str, real: str):
     p, (from_L, from_N) = plant(name), GAINS[name]
     A, back = np.array([m.A for m in p.observed.modes]), np.linalg.pinv(p.modes[0].C)
     L, N = from_L * A @ back, np.tile(from_N * back, (len(A), 1, 1))
-    gains = {"L_hi": L, "L_lo": L, "N_hi": N, "N_lo": N, "L_theta": np.zeros((len(A), 0, *back.shape)),
-             "midpoint": False, "late": False, "columns": [], "split": True}
+    measured = [j for j, s in enumerate(p.theta) if s.measured]
+    gains = {"L_hi": L, "L_lo": L, "N_hi": N, "N_lo": N, "L_theta": np.zeros((len(A), len(measured), *back.shape)),
+             "midpoint": p.reads_both_ends, "late": False, "columns": measured, "split": True}
     return certified(p, gains, {"kind": "none"}, real)
 
 

@@ -28,6 +28,11 @@ def first_of_each(folders: list[Path]) -> list[Path]:
     return list(found.values())
 
 
+def whole(folders: list[Path]) -> list[Path]:
+    """Leave out the family "sliding", whose C is all in that of framers that it guides."""
+    return [f for f in folders if family_of(f) != "sliding"]
+
+
 POINTS = [f for f in KEPT if json.loads((f / "design.json").read_text())["tables"]["float32"].get("shape")]
 #: Those of families whose assurance is stated, and whose C is therefore read back and proved.
 STATED = [f for f in KEPT if FAMILIES[family_of(f)].stated]

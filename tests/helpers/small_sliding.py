@@ -1,4 +1,4 @@
-"""Stand-ins of mode estimators by sliding modes: the small plants of ``small_modes``, gains found, nothing measured."""
+"""Stand-ins of mode estimators by sliding modes: small plants, gains found, nothing measured."""
 
 from __future__ import annotations
 
@@ -7,16 +7,22 @@ from functools import lru_cache
 
 from codegen.designs import Design
 from codegen.observers import SlidingObserver, SlidingTables, Supervision
+from codegen.plant.bounded import bounded
 from codegen.synthesis.mode_sliding import settings, theorem12
 from codegen.synthesis.sliding_tables import tables_of
 
-from .small_modes import plant
+from . import driven, small_modes
+
+
+def plant(name: str):
+    """One of the small plants, or one with parameters."""
+    return driven.plant(name) if name in driven.PLANTS else small_modes.plant(name)
 
 
 @lru_cache
 def tables(name: str, real: str) -> SlidingTables:
     """Tables of one of the small plants."""
-    p = plant(name)
+    p = bounded(plant(name))
     chosen = settings(p, {})
     found = theorem12([m.A for m in p.modes], p.modes[0].C, chosen["limit"], second=False)
     return tables_of(SlidingTables, p, found, chosen, real)

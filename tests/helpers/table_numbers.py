@@ -48,6 +48,13 @@ def every_number_of_framers(t, found, modes, gains, names):
         for (q, *index), value in np.ndenumerate(getattr(t.vary, name)):
             assert found[label, modes[q], *index] == float(value), (name, q, index)
             checked.add((label, modes[q], *index))
+    for name in () if t.change is None else ("Z", "X", "e_hi", "e_lo", "b_hi", "b_lo", "z_lo", "z_hi"):
+        stem = name if any(key[0] == name for key in found) else name[0]
+        for index, value in np.ndenumerate(getattr(t.change, name)):
+            for key in [(stem, mode, *index) for mode in ("", *modes) if (stem, mode, *index) in found]:
+                assert found[key] == float(value), key
+                checked.add(key)
+    assert t.change is None or {"Z", "X", "z_lo"} <= {key[0] for key in checked}
     return checked
 
 
@@ -58,6 +65,20 @@ def every_number_of_driven(t, found, modes):
     own = {k: v for k, v in vars(t).items() if k not in ("S", "S_rounded", "told")}
     joint = {"frame_limit": t.told.box, "forth": t.S_rounded}
     every_number_of_the_family(SimpleNamespace(**own, **joint), rest, modes)
+
+
+def every_number_of_guided(t, found, modes):
+    """Those of the framers, each by the name that keeps it apart, and of the estimator."""
+    of_framers = {key for key in found if key[0].startswith(("told_", "theta"))}
+    told = {(key[0].removeprefix("told_"), *key[1:]): found[key] for key in of_framers}
+    checked = every_number_of_framers(t.told, told, modes, "MGLNd", (*"ABCD", "a_hi", "a_lo", "c_hi", "c_lo"))
+    for name in ("x_lo", "x_hi"):
+        for (i,), value in np.ndenumerate(getattr(t.told, name)):
+            assert told[name, "", i] == float(value)
+            checked.add((name, "", i))
+    assert {key for key in told if key[0] != "theta_weight"} == checked
+    every_number_of_the_family(SimpleNamespace(**{k: v for k, v in vars(t).items() if k != "told"}), {
+        key: v for key, v in found.items() if key not in of_framers}, modes)
 
 
 def every_number_of_follower(t, found, modes):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
-from helpers.kept import first_of_each
+from helpers.kept import first_of_each, whole
 
 ROOT = Path(__file__).resolve().parents[2]
 spec = importlib.util.spec_from_file_location("c_tests_run", ROOT / "c_tests" / "run.py")
@@ -27,7 +27,7 @@ def test_stand_ins(family, variant, tmp_path):
 
 
 #: Those whose C is built with sanitizers too.
-WHOLE = first_of_each(c_tests.folders())
+WHOLE = whole(first_of_each(c_tests.folders()))
 
 
 @pytest.mark.parametrize("folder", c_tests.folders(), ids=lambda folder: folder.name)

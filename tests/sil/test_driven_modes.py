@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,8 +23,8 @@ def signals(design, name, real, runs=8, steps=60):
     """Half of the runs true courses, some of their samples missing; the others quiet, wild, refused."""
     t, rng = design.observer.tables[real], np.random.default_rng(3)
     u, y, q = stimulus(t, rng, runs, steps)
-    theta = np.stack([np.full((steps, 0), 0.0)] * runs)
-    if plant(name).theta:
+    theta, measured = np.stack([np.full((steps, 0), 0.0)] * runs), t.vary is not None and t.vary.parameters
+    if measured:
         theta = rng.uniform(*plant(name).limits("theta"), (runs, steps, len(plant(name).theta)))
         theta[-1, ::7] = 9
     for run in range(runs // 2):
@@ -31,13 +32,14 @@ def signals(design, name, real, runs=8, steps=60):
         u[run], missing = course.u, np.isnan(y[run])
         y[run] = course.y
         y[run][missing & (run % 2 == 0)] = np.nan
-        theta[run] = course.theta if plant(name).theta else theta[run]
+        theta[run] = course.theta if measured else theta[run]
     return u, y, q, theta
 
 
 @pytest.mark.parametrize("name, real, layout, supervision", [
     ("constant", "float32", "literal", None), ("parameters", "float32", "table", GUARDED),
-    ("hidden", "float64", "loop", None), ("discrete", "float64", "literal", None)])
+    ("hidden", "float64", "loop", None), ("discrete", "float64", "literal", None), ("turned", "float32", "loop", None),
+    ("turned", "float64", "literal", GUARDED)])
 def test_c_equals_the_reference(name, real, layout, supervision, tmp_path):
     design = stand_in(name, supervision)
     u, y, q, theta = signals(design, name, real)
@@ -70,21 +72,32 @@ MUTANTS = {
 }
 
 
+TURNED = {
+    "z of another mode": ("held.z_lo[i] = s->frame_z_lo[at + i];", "held.z_lo[i] = s->frame_z_lo[i];"),
+    "z from before a switch": ("const bool moved = kept && (!valve_lives(s, q, 0U));", "const bool moved = kept;"),
+    "z that is not cut": ("if ((!moved) || (s->frame_z_hi[at + i] >= held.z_hi[i]))", "if (!moved)"),
+    "z that does not follow": ("    valve_to_z(s);\n", "")}
+
+
 @pytest.fixture(scope="module")
-def reference(tmp_path_factory):
-    """Folder, signals and answers that every mutant is held against."""
-    design = stand_in("parameters")
-    given = signals(design, "parameters", "float32")
-    u, y, q, theta = given
-    folder = write(design, tmp_path_factory.mktemp("driven") / "good")
-    return folder, given, design.observer.run_many(u, y, q, "float32", theta=theta)
+def references(tmp_path_factory):
+    """Folder, signals and answers that every mutant of a plant is held against."""
+    @cache
+    def made(name):
+        design = stand_in(name)
+        given = signals(design, name, "float32")
+        u, y, q, theta = given
+        folder = write(design, tmp_path_factory.mktemp(name) / "good")
+        return folder, given, design.observer.run_many(u, y, q, "float32", theta=theta)
+    return made
 
 
-@pytest.mark.parametrize("name", MUTANTS)
-def test_mutants_are_noticed(name, reference, tmp_path):
-    good, (u, y, q, theta), expected = reference
+@pytest.mark.parametrize("plant_name, name", [*(("parameters", name) for name in MUTANTS),
+                                              *(("turned", name) for name in TURNED)])
+def test_mutants_are_noticed(plant_name, name, references, tmp_path):
+    good, (u, y, q, theta), expected = references(plant_name)
     folder = shutil.copytree(good, tmp_path / "mutant")
-    text, (old, new) = (folder / "valve.c").read_text(), MUTANTS[name]
+    text, (old, new) = (folder / "valve.c").read_text(), (MUTANTS | TURNED)[name]
     assert text.count(old) >= 1
     (folder / "valve.c").write_text(text.replace(old, new))
     assert build(folder).run_many(u, y, q, theta=theta).differs(expected)
@@ -92,7 +105,7 @@ def test_mutants_are_noticed(name, reference, tmp_path):
 
 def test_compilers_and_symbols(tmp_path):
     need("clang", "g++")
-    for name, real, layout in (("parameters", "float32", "literal"), ("constant", "float64", "loop")):
+    for name, real, layout in (("parameters", "float32", "literal"), ("turned", "float64", "loop")):
         folder = write(stand_in(name), tmp_path / real, real, layout)
         compile_(["clang", *CLANG, "-O1", "-c", "valve.c", "-o", "valve.o"], folder)
         assert compile_(["nm", "-u", "valve.o"], folder) == ""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.folders import built
-from helpers.kept import first_of_each
+from helpers.kept import first_of_each, whole
 
 from codegen.designs import read_design
 from codegen.emit.package import generate
@@ -110,13 +110,13 @@ def reference():
 def printed():
     """The first design of every run-time family, with and without parameters, in every layout and type; of the others
     the layout and type that is committed, and one more."""
-    whole = first_of_each([GENERATED / name for name in DESIGNS])
+    every_kind = whole(first_of_each([GENERATED / name for name in DESIGNS]))
     for name in DESIGNS:
         record = json.loads((GENERATED / name / "resources.json").read_text(encoding="ascii"))
         own = record["real"], record["layout"]
         every = [(real, layout) for real in ("float32", "float64") for layout in ("literal", "table", "loop")]
         other = next(p for p in every if p[0] != own[0] and p[1] != own[1])
-        yield from ((name, *pair) for pair in (every if GENERATED / name in whole else (own, other)))
+        yield from ((name, *pair) for pair in (every if GENERATED / name in every_kind else (own, other)))
 
 
 @pytest.mark.parametrize(("name", "real", "layout"), list(printed()))

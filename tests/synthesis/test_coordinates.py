@@ -11,6 +11,7 @@ from helpers.varying import changed_design, changed_text
 from codegen.algebra.interval import support
 from codegen.analysis.detectability import surely_detected
 from codegen.certify import claims
+from codegen.designs import recheck
 from codegen.errors import CertificateError, DesignError
 from codegen.observers.framer import propagate, to_x, to_z
 from codegen.plant.load import load, loads
@@ -178,6 +179,11 @@ LAMOUCHI, SQUARE = load("lamouchi"), [[1, 0], [0, 1]]
     (loads(changed_text().replace("[observer]", "[switching]\nlate = true\n[observer]")), "component-interval", {
         **loads(changed_text()).options}, "where the mode is told late"),
     (loads(changed_text()), "component-interval", {"coordinates": "change"}, "R for one mode, found 2 modes"),
+    (LAMOUCHI, "component-interval", {"gains": {"L": [[[0.3], [0.6]]], "N": [[[0.3], [0.2]]]}},
+     'the step of method "component-interval" does not read'),
+    (loads(changed_text()), "component-interval", {"coordinates": "change", "gains": {
+        **loads(changed_text()).options["gains"], "N": np.full((2, 3, 2), 0.1).tolist()}},
+     "framers in other coordinates does not read"),
 ])
 def test_says_what_it_cannot_do(plant, method, options, words):
     with pytest.raises(DesignError, match=words):
@@ -189,6 +195,14 @@ def test_hopeless_coordinates_offer_no_gain():
     with pytest.raises(DesignError, match=r"at row 1, column 2 .* takes this L as it is\.$"):
         choose(LAMOUCHI, "component-interval", {"coordinates": "change", "gains": {"R": SQUARE, "L": [[[0.3], [0.6]]]}},
                lambda text: None)
+
+
+def test_tables_that_their_step_does_not_read_are_refused(design):
+    """N counts in the certificate of tables; the step of this family has no place for it."""
+    t = design.observer.tables["float32"]
+    other = type(design.observer)({"float32": replace(t, N_lo=t.N_lo + np.float32(0.1))}, design.observer.supervision)
+    with pytest.raises(CertificateError, match="N is not zero"):
+        recheck(replace(design, observer=other))
 
 
 # -- the certificate -------------------------------------------------------------------------------

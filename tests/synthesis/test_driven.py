@@ -18,12 +18,13 @@ from codegen.errors import CertificateError, DesignError
 from codegen.observers import DrivenObserver, DrivenTables, ModeObserver, Supervision, driven
 from codegen.plant.bounded import bounded
 from codegen.plant.load import loads
-from tests.helpers.driven import AGES, PLANTS, plant, tables, told
+from codegen.report.design_words import words_of
+from tests.helpers.driven import AGES, PLANTS, plant, tables, told, turned_design
 from tests.helpers.small_modes import exact_course
 
 RUNS, STEPS = 6, 70
 #: Mean width against that of the estimator alone.
-NARROWER = {"constant": 1, "parameters": 0.92, "hidden": 0.99, "discrete": 1}
+NARROWER = {"constant": 1, "parameters": 0.92, "hidden": 0.99, "discrete": 1, "turned": 0.9}
 
 
 @lru_cache
@@ -89,7 +90,7 @@ def young_too(t, now, kept, lo, hi):
     return out
 
 
-ORIGINAL, NARROWED = driven.framed, driven.narrowed
+ORIGINAL, NARROWED, TURNED = driven.framed, driven.narrowed, driven.turned
 
 
 @pytest.mark.parametrize("name", ["hidden", "discrete"])
@@ -98,6 +99,48 @@ def test_other_ways_lose_the_truth(name, where, instead, monkeypatch):
     """Framers that are not widened by a switch, or by another mode's, or that cut what has just begun."""
     monkeypatch.setattr(driven, where, instead)
     assert lost(name, tables(name, "float32"), "float32")[0] > 0
+
+
+def test_other_coordinates_begin_anew_and_are_carried(monkeypatch):
+    """z that was made of x before a switch could have been loses the truth; z made of x at every sample is useless."""
+    t, lived = tables("turned", "float32"), {}
+
+    def noted(t, run, now, kept, lo, hi):
+        lived["kept"] = kept & now.alive[..., 1:].any(axis=-1)
+        return ORIGINAL(t, run, now, kept, lo, hi)
+
+    monkeypatch.setattr(driven, "framed", noted)
+    monkeypatch.setattr(driven, "turned", lambda told, moved, x, z: TURNED(told, lived["kept"], x, z))
+    assert lost("turned", t, "float32")[0] > 0
+    monkeypatch.setattr(driven, "turned", lambda told, moved, x, z: TURNED(told, moved, x, [a[:, ::-1] for a in z]))
+    assert lost("turned", t, "float32")[0] > 0
+    monkeypatch.setattr(driven, "turned", lambda told, moved, x, z: TURNED(told, 0 * moved > 0, x, z))
+    bad, out = lost("turned", t, "float32")
+    alone = answers("turned", t, "float32", ModeObserver)
+    assert bad == 0 and np.mean(out.x_hi - out.x_lo) > 0.97 * np.mean(alone.x_hi - alone.x_lo)
+
+
+@pytest.mark.parametrize("part", ["d_hi", "Z", "X"])
+def test_other_coordinates_of_another_step_lose_the_truth(part):
+    t = tables("turned", "float32")
+    own, c = t.told, t.told.change
+    wrong = {"d_hi": {"d_hi": 0 * own.d_hi, "d_lo": 0 * own.d_lo},
+             "Z": {"change": replace(c, Z=0.9 * c.Z)}, "X": {"change": replace(c, X=c.X[::-1])}}[part]
+    assert lost("turned", replace(t, told=replace(own, **wrong)), "float32")[0] > 0
+
+
+@pytest.mark.parametrize("part, factor, words", [
+    ("e_lo", 0.5, "offset e_lo"), ("b_hi", 0.5, "offset b_hi"), ("X", 1.001, "offset b"), ("z_hi", 0.999, "range of z"),
+    ("box", 0.5, "range of z"), ("Z", 1.001, "offset|range of z"), ("N", 0.1, "next sample")])
+def test_other_coordinates_are_certified(part, factor, words):
+    """Both maps, the range of z, and that nothing of the next sample is read; all before the delays."""
+    t, p, cert = tables("turned", "float32"), plant("turned"), {"told": told("turned", "float32")[1]}
+    own, c = t.told, t.told.change
+    driven_certificate.check_framers(p.observed.modes, own, cert["told"])
+    wrong = replace(own, N_hi=own.N_hi + np.float32(factor)) if part == "N" else replace(
+        own, change=replace(c, **{part: getattr(c, part) * np.float32(factor)}))
+    with pytest.raises(CertificateError, match=words):
+        driven_certificate.check(bounded(p), p.observed.modes, replace(t, told=wrong), cert)
 
 
 def test_wrong_mode_or_no_margin_loses_the_truth():
@@ -192,6 +235,27 @@ def test_tampering_is_caught(place, words):
     t = DrivenTables.from_dict(data)
     with pytest.raises(CertificateError, match=words):
         claims_of(certified().plant, t, certified().certificate["float32"])
+
+
+def test_other_coordinates_the_whole_way(tmp_path):
+    """Gains and R of the user; bounds narrower than those of the estimator alone, and the report says how."""
+    made = turned_design()
+    p, t = made.plant, made.observer.tables["float32"]
+    assert made.observer.family == "driven" and "those of z = Z x" in made.claims("float32")[1]
+    again = read_checked(made.save(tmp_path / "design.json"))
+    assert again.digest == made.digest and again.observer.tables["float32"].to_dict() == t.to_dict()
+    run = codegen.simulate(p, "between samples")
+    trace = made.observer.run(run.u, run.y)
+    outcome = judge(p, p.scenarios[0], run, trace, [])
+    assert outcome.lost == outcome.false_alarms == 0 and trace.assured.all()
+    alone = ModeObserver({"float32": t}, Supervision()).run(run.u, run.y)
+    assert np.mean(trace.x_hi - trace.x_lo) < 0.9 * np.mean(alone.x_hi - alone.x_lo)
+    assert "bounds of z = Z x, of which those of x are made" in str(words_of(made, "float32"))
+    for key, words in (("e_hi", "offset e_hi"), ("b_lo", "offset b_lo"), ("z_hi", "range of z")):
+        data = t.to_dict()
+        data["told"]["change"][key] = [0.9 * x for x in data["told"]["change"][key]]
+        with pytest.raises(CertificateError, match=words):
+            claims_of(p, DrivenTables.from_dict(data), made.certificate["float32"])
 
 
 @pytest.mark.parametrize("old, new, words", [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import lru_cache
 
 import numpy as np
@@ -19,28 +19,33 @@ from codegen.analysis import sliding_measure
 from codegen.analysis.mode_promise import unbound
 from codegen.analysis.validate import judge
 from codegen.certify import guided_certificate
-from codegen.designs import claims_of, read_checked
+from codegen.designs import claims_of, read_checked, read_design
 from codegen.emit import firmware
 from codegen.emit.cprint import literal
 from codegen.errors import CertificateError, DesignError
-from codegen.observers import GuidedObserver, GuidedTables, SlidingObserver, Supervision
+from codegen.observers import GuidedObserver, GuidedTables, SlidingObserver, SlidingTables, Supervision
 from codegen.plant.load import loads
 from codegen.report.design_words import words_of
+from codegen.synthesis import mode_sliding
 
+GALLERY = CHECKER.parents[2] / "generated" / "valve_sliding_lpv-interval"
 NAMES, RUNS, STEPS = ("one input", "no input, two outputs"), 4, 80
 
 
 @lru_cache
 def courses(name: str):
-    return [exact_course(plant(name), 24 if seed < 3 else 60, STEPS, 3 + seed, (0, 1, -1)[seed % 3])
-            for seed in range(RUNS)]
+    """With parameters modes that last: only narrow bounds tell what these do from what framers start with."""
+    how = ((24, 3, 0), (24, 4, 1), (24, 5, -1), (60, 6, 0)) if name != "parameters" else (
+        (70, 4, 0), (70, 5, 0), (70, 7, 0), (70, 8, 0))
+    return [exact_course(plant(name), ages, STEPS, seed, side) for ages, seed, side in how]
 
 
 def lost(name, t, observer=GuidedObserver):
     """Samples at which a state is not held though the decision has been right since it was taken up; the answers."""
     runs, bad = courses(name), 0
-    u, y, q = (np.stack([getattr(run, k) for run in runs]).reshape(RUNS, STEPS, -1) for k in ("u", "y", "q"))
-    out = observer({t.real: t}, Supervision(assures=False)).run_many(u, y, q[..., 0], t.real)
+    u, y, q, theta = (np.stack([getattr(run, k) for run in runs]).reshape(RUNS, STEPS, -1)
+                      for k in ("u", "y", "q", "theta"))
+    out = observer({t.real: t}, Supervision(assures=False)).run_many(u, y, q[..., 0], t.real, theta=theta)
     for i, run in enumerate(runs):
         free = ~unbound(run, out.row(i))
         for k in np.flatnonzero(free):
@@ -50,14 +55,14 @@ def lost(name, t, observer=GuidedObserver):
     return bad, out
 
 
-@pytest.mark.parametrize("name, real", [(NAMES[0], "float32"), (NAMES[1], "float64")])
+@pytest.mark.parametrize("name, real", [(NAMES[0], "float32"), (NAMES[1], "float64"), ("parameters", "float32")])
 def test_state_is_held_exactly_while_the_decision_is_right(name, real):
     t = tables(name, real)
     bad, out = lost(name, t)
     assert bad == 0 and not out.assured.any()
     own = SlidingObserver({real: t}, Supervision(assures=False))
-    wide = lost(name, t, type("Alone", (SlidingObserver,), {}))[1]
-    assert own.bits(t) == 1 and np.mean(out.x_hi - out.x_lo) < 0.9 * np.mean(wide.x_hi - wide.x_lo)
+    false, wide = lost(name, t, type("Alone", (SlidingObserver,), {}))
+    assert false == 0 and own.bits(t) == 1 and np.mean(out.x_hi - out.x_lo) < 0.9 * np.mean(wide.x_hi - wide.x_lo)
 
 
 class Outlives(GuidedObserver):
@@ -73,15 +78,24 @@ def test_other_ways_lose_the_state():
     assert lost(NAMES[0], t, Outlives)[0] > 0
     assert lost(NAMES[0], replace(t, told=replace(own, M_hi=own.M_hi[::-1], M_lo=own.M_lo[::-1])))[0] > 0
     assert lost(NAMES[0], replace(t, told=replace(own, d_hi=0 * own.d_hi, d_lo=0 * own.d_lo)))[0] > 0
+    t = tables("parameters", "float32")
+    vary = t.told.vary
+    for narrow in ({"R": 0 * vary.R}, {"S": 0 * vary.S}):
+        assert lost("parameters", replace(t, told=replace(t.told, vary=replace(vary, **narrow))))[0] > 0
 
 
 def test_parts_go_together():
-    """Refused before anything is proved: framers that accept less, another range, other coordinates."""
+    """Refused before anything is proved: framers that accept less, another range, parameters by mode."""
     t, cert = tables(NAMES[0], "float32"), {"told": told(NAMES[0], "float32")[1]}
     for wrong, words in ((replace(t, u_hi=t.u_hi * 2), "u_hi"), (replace(t, x_hi=t.x_hi / 2), "ranges of x"),
                          (replace(t, told=replace(t.told, d_hi=t.told.d_hi / 2)), "d_hi")):
         with pytest.raises(CertificateError, match=words):
-            guided_certificate.check(plant(NAMES[0]), wrong, cert)
+            guided_certificate.check(plant(NAMES[0]), plant(NAMES[0]).observed.modes, wrong, cert)
+    t = tables("parameters", "float32")
+    vary = t.told.vary
+    apart = replace(vary, theta_hi=vary.theta_hi * np.array([[1], [0.5]], np.float32))
+    with pytest.raises(CertificateError, match="differ between modes"):
+        guided_certificate.check_joint(replace(t, told=replace(t.told, vary=apart)))
 
 
 # ---------------------------------------------------------------------------------------------- the whole way
@@ -136,6 +150,16 @@ def test_tampering_is_caught(place, words):
         claims_of(designed().plant, GuidedTables.from_dict(data), designed().certificate["float32"])
 
 
+def test_an_estimator_alone_bears_parameters():
+    """As bounded unknowns: wider ones are not in its offsets."""
+    kept = read_design(GALLERY)
+    t, cert = kept.observer.tables["float32"], kept.certificate["float32"]
+    own = SlidingTables(**{f.name: getattr(t, f.name) for f in fields(SlidingTables)})
+    assert mode_sliding.inapplicable(kept.plant) is None and len(claims_of(kept.plant, own, cert)) == 6
+    with pytest.raises(CertificateError, match="not far enough"):
+        claims_of(loads(kept.plant.text.replace("[-0.1, 0.1], rate", "[-0.15, 0.15], rate")), own, cert)
+
+
 @pytest.mark.parametrize("old, new, words", [
     ("known = false", "known = true", "observer.modes says how the mode is found"),
     ("minimum_dwell = 1", "", "cannot be found there: no dwell time is declared"),
@@ -184,6 +208,20 @@ def test_the_checker_refuses_what_is_false(key, factor, words, checker):
     with pytest.raises(SystemExit, match=f"refused.*{words}"):
         checker.check_joint(data)
         checker.driven.check_told(data, designed().certificate["float32"], checker.read_plant(CHOSEN))
+
+
+@pytest.mark.parametrize("old, new, words", [
+    ("bounds = [-0.1, 0.1], rate", "bounds = [-0.15, 0.15], rate", "offset of x_"),
+    ("error = 0.005", "error = 1", "theta box"), ('"-4 - resistance"', '"-4 - 2*resistance"', "offset of x_")])
+def test_the_checker_refuses_other_parameters(old, new, words, checker):
+    """Of a plant whose parameters do more than tables hold: the estimator's offsets, the framers' bounds."""
+    data = json.loads((GALLERY / "design.json").read_text())
+    data["tables"] = {"float32": (t := data["tables"]["float32"])}
+    assert old in data["plant"]["toml"]
+    data["plant"]["toml"] = data["plant"]["toml"].replace(old, new)
+    with pytest.raises(SystemExit, match=f"refused.*{words}"):
+        checker.sliding.check_design(data)
+        checker.driven.check_told(t, data["certificate"]["float32"], checker.read_plant(data["plant"]["toml"]))
 
 
 @pytest.mark.parametrize("part", ["framers", "estimator"])

@@ -12,13 +12,13 @@ import sys
 from functools import cache
 
 import pytest
-from helpers.driven import PLANTS, stand_in, told
+from helpers.driven import PLANTS, stand_in, told, turned_design
 from helpers.kept import KEPT, family_of
 from helpers.scripts import prefix_of
 from synthesis.test_independent import CHECKER
 
 from codegen.certify.driven_certificate import check_joint
-from codegen.emit import files
+from codegen.emit import files, firmware
 
 REALS = ("float32", "float64")
 
@@ -57,9 +57,9 @@ def proves(checker, name, real, t, text=None):
     checker.check_joint(t)
 
 
-@pytest.mark.parametrize("name", ["constant", "parameters", "discrete"])
+@pytest.mark.parametrize("name", ["constant", "parameters", "discrete", "turned"])
 def test_proves_every_kind_of_plant(name, checker):
-    """Without parameters, with measured and unknown ones, with switches at samples alone."""
+    """Without parameters, with measured and unknown ones, with switches at samples alone, in other coordinates."""
     for real in REALS:
         proves(checker, name, real, tables(name, real))
 
@@ -98,6 +98,12 @@ FALSE = {  # plant, what of the tables, factor, words
         "parameters", ("told", "box"), 0.9, "box x too small"), "range of framers": (
         "discrete", ("told", "x_hi"), 0.9, "box x too small"),
     "xi_room": ("parameters", ("xi_room",), 0.05, "xi_room"), "S": ("parameters", ("S_rounded",), 1.0001, "xi_room"),
+    "Z": ("turned", ("told", "change", "Z"), 1.001, "offset d|range of z"), "X": (
+        "turned", ("told", "change", "X"), 1.001, "offset b_"), "way to z": (
+        "turned", ("told", "change", "e_lo"), 0.5, "offset e_lo"), "way to x": (
+        "turned", ("told", "change", "b_hi"), 0.5, "offset b_hi"), "range of z": (
+        "turned", ("told", "change", "z_lo"), 0.999, "range of z"), "step of z": (
+        "turned", ("told", "d_hi"), 0.9, "offset d_hi"),
     "inputs": ("parameters", ("u_hi",), 1.5, "jump|reach of mode"), "measurements": (
         "parameters", ("y_lo",), 1.001, "v_|accepted beyond"), "range of x": ("discrete", ("x_lo",), 1.1, "range of x"),
 }
@@ -179,10 +185,36 @@ def test_the_c_is_read(checker):
 
 @pytest.mark.parametrize("name, real, layout", [
     ("constant", "float64", "literal"), ("discrete", "float32", "loop"), ("parameters", "float64", "literal"),
-    ("parameters", "float32", "loop")])
+    ("parameters", "float32", "loop"), ("turned", "float32", "literal"), ("turned", "float64", "loop")])
 def test_every_kind_of_c_is_read(name, real, layout, checker):
     made = files(stand_in(name), real, layout, measure=False)
     checker.check_source(made["valve.c"], made["valve.h"], tables(name, real), "valve")
     with pytest.raises(SystemExit, match="refused: "):
         checker.check_source(made["valve.c"], made["valve.h"], tables(name, "float32" if real == "float64" else
                                                                       "float64"), "valve")
+
+
+def test_other_coordinates_the_whole_way(checker, tmp_path, capsys):
+    """Boxes, framers of z, delays and C of one folder; widths without the rounding of a cut are refused."""
+    made = turned_design()
+    for name, text in firmware(made, "float32", "table").items():
+        (tmp_path / name).write_text(text)
+    data, record = json.loads(made.to_json()), {"prefix": "valve", "real": "float32"}
+    assert checker.main(tmp_path, data, record) == 0
+    assert capsys.readouterr().out.count("delays hold") == 2
+    cert = data["certificate"]["float32"]
+    cert["widths"] = [0.003 * (1 + 1e-9), *cert["widths"][1:]]
+    with pytest.raises(SystemExit, match="row 0"):
+        checker.main(tmp_path, data, record)
+
+
+@pytest.mark.parametrize("pattern, new", [
+    (r"(_to_x\(valve_held[^}]*?\()(\d)", r"\g<1>1\2"), (r"(_to_z\(valve_held[^}]*?[-+] \()0\.", r"\g<1>1."),
+    (r"(_cut_z\(valve_real[^}]*?-)(\d)", r"\g<1>1\2"),
+    (r"static void valve_to_z\(valve_held", "static void valve_z(valve_held")])
+def test_other_coordinates_of_the_c_are_read(pattern, new, checker):
+    made = files(stand_in("turned"), "float32", "literal", measure=False)
+    other, count = re.subn(pattern, new, made["valve.c"], count=1)
+    assert count == 1 and other != made["valve.c"]
+    with pytest.raises(SystemExit, match="refused: "):
+        checker.check_source(other, made["valve.h"], tables("turned", "float32"), "valve")

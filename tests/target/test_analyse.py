@@ -6,6 +6,7 @@ import shutil
 import pytest
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
+from helpers.kept import whole
 from helpers.scripts import GENERATED, load
 from helpers.tools import need
 
@@ -13,7 +14,7 @@ need("clang-tidy-19", "cppcheck")
 analyse = load("analyse")
 
 
-@pytest.mark.parametrize("folder", GENERATED, ids=lambda folder: folder.name)
+@pytest.mark.parametrize("folder", whole(GENERATED), ids=lambda folder: folder.name)
 def test_committed_designs(folder):
     assert analyse.unlisted(folder) == []
 

@@ -5,7 +5,7 @@ import shutil
 import pytest
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
-from helpers.kept import first_of_each
+from helpers.kept import first_of_each, whole
 from helpers.scripts import GENERATED, load
 from helpers.tools import need
 
@@ -14,7 +14,7 @@ coverage = load("coverage")
 
 
 #: One of each family, and the observer that has a tracking law beside it.
-WHOLE = [*first_of_each(GENERATED), *(f for f in GENERATED if f.name == "quadrotor_tracking")]
+WHOLE = [*whole(first_of_each(GENERATED)), *(f for f in GENERATED if f.name == "quadrotor_tracking")]
 
 
 @pytest.mark.parametrize("folder", WHOLE, ids=lambda folder: folder.name)

@@ -120,6 +120,8 @@ OTHER_MUTANTS = {  # of a filter, a small mode estimator, driven framers: what o
     "a credit below nothing": ("bank", r"s->credit >= \w+_GAP", "s->credit >= 19U", "s->credit"),
     "a mean that grows": ("sliding", r"\(total - old\)", "(total + old)", "level"),
     "a bound that is not cut": ("sliding", r"result = limit;", "result = value;", "box_hi|is_finite"),
+    "framers of any size": ("guided", r"\(k\[\d+\] \* s->x_lo", "(3e38F * s->x_lo", "is_finite"),
+    "framers of nothing": ("guided", r"held\.y\[0\] = s->told_y\[0\];", "", "initialized"),
     "a step that reads what is not held": ("driven", r"held\.y\[i\] = s->y\[i\];", "", "initialized"),
     "S x without a beginning": ("driven", r"below\[i\] = 0\.0F;", "", "initialized"),
     "bits of modes that are none": ("driven", r"s->framed \|= \(uint32_t\)1U << q;", "s->framed |= 8U << q;",

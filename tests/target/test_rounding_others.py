@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import driven, follower, small_sliding, solved
+from helpers import driven, follower, guided, small_sliding, solved
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import PLANTS, stand_in
 from target.test_gappa import REALS, evaluate, fraction, script_of
@@ -21,7 +21,7 @@ from codegen.certify.sets import SetDemands
 from codegen.designs import read_design
 from codegen.observers.descriptor import of_pivots
 from codegen.observers.filter import add_terms
-from codegen.observers.framer import open_loop, propagate, scheduled
+from codegen.observers.framer import open_loop, propagate, residuals, scheduled, to_x, to_z
 from codegen.observers.mode_set import ModeSet, affine, image
 from codegen.observers.point import blind, forward, residual
 from codegen.observers.polytopic_step import evaluate as evaluate_program
@@ -163,6 +163,13 @@ def boxes_of(design, real, rng):
 @pytest.mark.parametrize("plant", PLANTS)
 def test_script_of_sliding_modes_is_about_the_sums_of_the_reference(plant, real):
     design, rng = small_sliding.stand_in(plant), np.random.default_rng(5)
+    names, expected, values, text, prefix = pairs_of(design, real, rng)
+    assert {f"{prefix}_{name}" for name in expected} == set(names) and len(names) == len(expected)
+    agree(text, prefix, expected, values, real)
+
+
+def pairs_of(design, real, rng):
+    """Names of the script; the sums of pairs, and the numbers that they read."""
     t, text = design.observer.tables[real], script_of(design, real)
     lo, hi = np.sort(rng.uniform(-t.limit, t.limit, (2, len(t.limit))), axis=0).astype(real)
     u, y = (rng.uniform(a, b).astype(real) for a, b in ((t.u_lo, t.u_hi), (t.y_lo, t.y_hi)))
@@ -176,9 +183,7 @@ def test_script_of_sliding_modes_is_about_the_sums_of_the_reference(plant, real)
         for side, x, parts in (("lo", lo, (t.d_lo, t.G, t.L_lo, t.M_lo)), ("hi", hi, (t.d_hi, t.G, t.L_hi, t.M_hi))):
             row = carried([part[q] for part in parts], u, seen, x)
             expected |= {f"moved_{side}_{i}_mode_{q}": a for i, a in enumerate(row)}
-    names, prefix = re.findall(ROW, text), design.plant.target.prefix
-    assert {f"{prefix}_{name}" for name in expected} == set(names) and len(names) == len(expected)
-    agree(text, prefix, expected, values, real)
+    return re.findall(ROW, text), expected, values, text, design.plant.target.prefix
 
 
 def agree(text, prefix, expected, values, real):
@@ -198,16 +203,55 @@ def test_script_of_driven_framers_is_about_the_sums_of_the_reference(plant, real
     """Boxes as of an estimator; framers of every mode with parameters; and S x of these."""
     design, rng = driven.stand_in(plant), np.random.default_rng(5)
     names, expected, values, text, prefix = boxes_of(design, real, rng)
+    agree(text, prefix, expected, values, real)
     t = design.observer.tables[real]
-    told, n_u = t.told, len(t.u_lo)
+    lo, hi, own = framers_of(t, names, values, (text, prefix, "frame_m"), rng)
+    below, above = image(t.S_rounded, lo, hi, np.zeros(len(t.S), real))
+    own |= {f"narrowed_{side}_{i}": v for side, row in (("lo", below - t.xi_room), ("hi", above + t.xi_room))
+            for i, v in enumerate(row)}
+    known = {f"{prefix}_{name}" for name in (*expected, *own)}
+    assert known <= set(names) and all(re.search(r"_(theta|L|residual)_", name) for name in set(names) - known)
+    agree(text, prefix, own, values, real)
+
+
+@pytest.mark.parametrize("plant, real", [("no input, two outputs", "float64"), ("parameters", "float32")])
+def test_script_of_guided_framers_is_about_the_sums_of_the_reference(plant, real):
+    """Pairs as of an estimator; and framers of every mode, with what they expect of y."""
+    design, rng = guided.stand_in(plant), np.random.default_rng(6)
+    names, expected, values, text, prefix = pairs_of(design, real, rng)
+    agree(text, prefix, expected, values, real)
+    t = design.observer.tables[real]
+    lo, hi, own = framers_of(t, names, values, (text, f"{prefix}_told", "m"), rng)
+    values |= {f"out_x_{side}_{j}": a for side, row in (("lo", lo), ("hi", hi)) for j, a in enumerate(row)}
+    u, y = (np.array([[values[f"in_{v}_{j}"] for j in range(n)]], dtype=real).reshape(1, n)
+            for v, n in (("u", len(t.u_lo)), ("y", len(t.y_lo))))
+    for q in range(design.plant.n_modes):
+        # The measurement is subtracted last, which keeps the sign.
+        for side, row in zip(("lo", "hi"), residuals(t.told, np.array([q]), lo[None], hi[None], u, 0 * y)):
+            own |= {f"residual_{side}_{i}_mode_{q}": v for i, v in enumerate(row[0])
+                    if f"{prefix}_told_residual_{side}_{i}_mode_{q}" in names}
+    known = {*(f"{prefix}_{name}" for name in expected), *(f"{prefix}_told_{name}" for name in own)}
+    assert known <= set(names) and all(re.search(r"_told_(theta|L)_", name) for name in set(names) - known)
+    assert sum("residual" in name for name in known) >= 2 * len(t.y_lo)
+    agree(text, f"{prefix}_told", own, values, real)
+
+
+def framers_of(t, names, values, script, rng):
+    """Bounds of x, and the sums of framers from there; the numbers that these read are put to the values."""
+    (text, prefix, size), told, real, n_u = script, t.told, t.real, len(t.u_lo)
     lo, hi = np.sort(rng.uniform(-told.box, told.box, (2, 1, len(told.box))), axis=0).astype(real)
     u, y, y_next = (rng.uniform(a, b, (1, len(a))).astype(real) for a, b in (
         (t.u_lo, t.u_hi), (t.y_lo, t.y_hi), (t.y_lo, t.y_hi)))
-    agree(text, prefix, expected, values, real)
     values |= {f"in_y_{j}": a for j, a in enumerate(y_next[0])} | {f"a_{j}": abs(u[0, j]) for j in range(n_u)}
     values |= {f"s_{v}_{j}": a for v, row in (("x_lo", lo), ("x_hi", hi), ("u", u), ("y", y)) for j, a in
                enumerate(row[0])}
-    values |= {f"frame_m_{j}": a for j, a in enumerate(np.maximum(-lo, hi)[0])}
+    values |= {f"{size}_{j}": a for j, a in enumerate(np.maximum(-lo, hi)[0])}
+    uncut, z = replace(told, clamp=False, x_lo=told.x_lo - np.inf, x_hi=told.x_hi + np.inf), None
+    if told.change is not None:
+        c = told.change
+        z = tuple(np.sort(rng.uniform(-c.box, c.box, (2, 1, len(c.box))), axis=0).astype(real))
+        values |= {f"s_z_{side}_{j}": a for side, row in zip(("lo", "hi"), z) for j, a in enumerate(row[0])}
+        uncut = replace(uncut, change=replace(c, z_lo=c.z_lo - np.inf, z_hi=c.z_hi + np.inf))
     theta = np.zeros((1, 0), dtype=real)
     if told.vary is not None and told.vary.parameters:
         theta = rng.uniform(told.vary.theta_lo[:1], told.vary.theta_hi[:1]).astype(real)
@@ -217,20 +261,17 @@ def test_script_of_driven_framers_is_about_the_sums_of_the_reference(plant, real
             gain = scheduled(told.L_hi[at], told.vary.L[at], theta)[0, int(i), int(j)]
             assert evaluate(text, f"{prefix}_{name}", values, np.dtype(real).type) == gain
             values |= {f"size_{name}": abs(gain), f"exact_size_{name}": abs(gain)}
-    below, above = image(t.S_rounded, lo[0], hi[0], np.zeros(len(t.S), real))
-    own = {f"narrowed_{side}_{i}": v for side, row in (("lo", below - t.xi_room), ("hi", above + t.xi_room))
-           for i, v in enumerate(row)}
-    uncut = replace(told, clamp=False, x_lo=told.x_lo - np.inf, x_hi=told.x_hi + np.inf)
-    for q in range(design.plant.n_modes):
+    own = {}
+    for q in range(len(told.M_hi)):
         p = np.array([q])
-        for which, sides in (("forward", propagate(uncut, p, lo, hi, u, y, y_next, theta)),
-                             ("blind", open_loop(uncut, p, lo, hi, u))):
+        for which, sides in (("forward", propagate(uncut, p, lo, hi, u, y, y_next, theta, z)),
+                             ("blind", open_loop(uncut, p, lo, hi, u)),
+                             *((("to_x", to_x(uncut, *z)), ("to_z", to_z(uncut.change, lo, hi))) if z else ())):
             own |= {f"{which}_{side}_{i}_mode_{q}": v for side, row in zip(("lo", "hi"), sides)
                     for i, v in enumerate(row[0]) if f"{prefix}_{which}_{side}_{i}_mode_{q}" in names}
+    assert z is None or sum(name.startswith("to_") for name in own) == 8
     assert sum(name.startswith("forward") for name in own) > 4 and sum(name.startswith("blind") for name in own) >= 4
-    known = {f"{prefix}_{name}" for name in (*expected, *own)}
-    assert known <= set(names) and all(re.search(r"_(theta|L|residual)_", name) for name in set(names) - known)
-    agree(text, prefix, own, values, real)
+    return lo[0], hi[0], own
 
 
 @pytest.mark.parametrize("name, real", [("zonotope", "float32"), ("box", "float64"), ("ellipsoid", "float64"),
