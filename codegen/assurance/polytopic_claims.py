@@ -88,13 +88,13 @@ def seen_apart(plant, t, cert: dict, checks: tuple) -> tuple:
     cert : dict
     checks : tuple of str
     """
-    held = cert["thresholds"]
-    known = not t.faults and np.ndim(cert.get("energy", cert).get("T1")) == 2 and not (
-        "waits" in held or "calibration" in cert) and read_apart(plant, "near" in held)
+    held, T1 = cert["thresholds"], cert.get("energy", cert).get("T1")
+    known = (hasattr(t, "algebraic") or np.ndim(T1) == 2) and "waits" not in held and "calibration" not in cert
+    known = known and read_apart(plant, "near" in held, by_ellipsoid(t, cert))
     return checks if known else tuple(name for name in checks if name != "independent")
 
 
-def read_apart(plant, near: bool = False) -> bool:
+def read_apart(plant, near: bool = False, told: bool = False) -> bool:
     """Whether the independent checker reads the equations of a plant: polynomials, whose premises are single products.
 
     Parameters
@@ -102,16 +102,21 @@ def read_apart(plant, near: bool = False) -> bool:
     plant : Plant
     near : bool
         And knows slopes of its weights: of a sector model whose premises are powers of one variable each.
+    told : bool
+        The observer takes known terms: quotients, and the rest of its equations polynomials.
     """
     import sympy
     p = plant.polytope
-    if plant.theta or p.known or np.any(p.D) or any(np.any(v.offset) for v in p.vertices):
+    if plant.theta or (p.known and not told) or np.any(p.D) or any(np.any(v.offset) for v in p.vertices):
         return False
     if not p.equations:  # vertices: no slopes, which algebraic equations between samples would ask for
         still = plant.kind == "discrete" or np.linalg.matrix_rank(p.E) == len(p.E) or len(p.vertices) == 1
-        return still and not near
-    terms = [q.term for q in p.premises]
-    return not p.raw and all(f.is_polynomial(*p.symbols) for f in (*p.equations, *terms)) and all(
+        return still and not near and not told
+    terms, left = [q.term for q in p.premises], list(p.equations)
+    for g in p.known:
+        left[g.row] = sympy.simplify(left[g.row] - g.term)
+    return not p.raw and all(f.is_polynomial(*p.symbols) for f in (*left, *terms)) and all(
+        g.term.is_rational_function(*p.symbols) for g in p.known) and all(
         len(sympy.Add.make_args(sympy.expand(z))) == 1 and (not near or len(z.free_symbols) == 1) for z in terms)
 
 

@@ -90,7 +90,8 @@ def model(plant, problem, t, T1: Array, period: float | None, bend: Array) -> tu
     Returns
     -------
     model : tuple of JointMode
-        What it estimates is y - C x_hat without what the faults are in it.
+        What it estimates is y - C x_hat without what the faults are in it. Columns of W, in their order: the middle of
+        all ranges, half widths of x, f, u, g, w, v and f, then what y, u, g, x_hat, r and z are off, weights, Euler.
     T1E : object array (n, n)
     """
     n, p = len(problem.E), len(problem.C)

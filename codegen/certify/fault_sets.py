@@ -10,7 +10,8 @@ of a sample are a mean of vertices, and V is convex. A row c of the residual is 
 At a start the error is G xi with |xi_i| <= 1 (x in its box, z known or in its limits), and V at most the sum of
 |G' P G|.
 
-Columns of W that move little are put together, one for each row: that makes the set of d larger.
+Columns of W that move little are put together, one for each row: that makes the set of d larger. The certificate says
+which are not.
 """
 
 from __future__ import annotations
@@ -32,15 +33,32 @@ SMALL = fmpq(1, 10)
 GRID = 2**70
 
 
-def condensed(W: Array) -> Array:
-    """The columns of W that matter, as doubles, and a column per row for the rest.
+def columns_that_matter(W: Array) -> list[int]:
+    """Those that are anywhere more than a share of what their row is moved by.
 
     Parameters
     ----------
     W : object array (n, q)
     """
     total = abs(W).sum(axis=1)
-    kept = [k for k in range(W.shape[1]) if any(abs(w) > SMALL * t for w, t in zip(W[:, k], total))]
+    return [k for k in range(W.shape[1]) if any(abs(w) > SMALL * t for w, t in zip(W[:, k], total))]
+
+
+def condensed(W: Array, kept: list[int]) -> Array:
+    """Some columns of W, as doubles, and a column per row for the rest.
+
+    Parameters
+    ----------
+    W : object array (n, q)
+    kept : list of int
+
+    Raises
+    ------
+    CertificateError
+        There are no such columns.
+    """
+    if sorted(set(kept)) != list(kept) or not set(kept) <= set(range(W.shape[1])):
+        raise CertificateError(f"certificate: columns {kept} of {W.shape[1]} (found), expected some of them in order.")
     rest = [k for k in range(W.shape[1]) if k not in kept]
     near = rational(np.array([[float(w) for w in row] for row in W[:, kept]]).reshape(len(W), len(kept)))
     left, own = abs(W[:, rest]).sum(axis=1) + abs(W[:, kept] - near).sum(axis=1), zeros(len(W), len(W))
@@ -136,7 +154,7 @@ def conditions(plant, problem, t, cert: dict, T1: Array, period: float | None, b
     problem : DescriptorProblem
     t : PolytopicTables
     cert : dict
-        "P" (n, n), "D" (h, q), "share", "level".
+        "P" (n, n), "kept" columns of W (h, k), "D" (h, k + n), "share", "level".
     T1 : ndarray (n, n)
     period : float or None
     bend : ndarray (n_x,)
@@ -157,8 +175,8 @@ def conditions(plant, problem, t, cert: dict, T1: Array, period: float | None, b
         raise CertificateError("certificate: P is no symmetric, positive definite matrix, or its share is not in "
                                "[0, 1).")
     tau = fmpq(0)
-    for name, m, d in zip(problem.names, found, cert["D"], strict=True):
-        W, D = condensed(m.W), rational(np.array(d, dtype=float))
+    for name, m, kept, d in zip(problem.names, found, cert["kept"], cert["D"], strict=True):
+        W, D = condensed(m.W, kept), rational(np.array(d, dtype=float))
         if len(D) != W.shape[1] or any(v < 0 for v in D):
             raise CertificateError(f'certificate: D of vertex "{name}" has {len(D)} entries (found), expected '
                                    f"{W.shape[1]} that are not negative.")

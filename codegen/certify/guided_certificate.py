@@ -44,7 +44,8 @@ def check(plant, modes, t, cert: dict) -> list[str]:
     return [decision, test, held,
             "the framers of a mode hold the state while that mode is active, from any box that holds it: what rounded "
             "constants, inputs and sums may lose is in their offsets; they start from the declared range and are never "
-            "wider than the bounds of the estimator, to which they are cut at every sample",
+            "wider than the bounds of the estimator, to which they are cut at every sample"
+            + ("" if t.told.change is None else "; they are those of z = Z x, of which those of x are made"),
             f"{alarm}, as far as BIT_TWICE goes; the other bits say that y or the bounds contradict the mode of "
             "out->mode: a fault, or a decision that is not right",
             width.replace("are approached", "are the most that is approached"), theorem]
@@ -60,8 +61,6 @@ def check_joint(t) -> None:
     """
     told = t.told
     check_shared(t)
-    if told.change is not None:
-        raise CertificateError("certificate: framers in other coordinates, expected those of x.")
     check_parameters(told)
     if np.any(t.x_lo != told.x_lo) or np.any(t.x_hi != told.x_hi):
         raise CertificateError("certificate: the ranges of x are not those of the framers.")

@@ -19,7 +19,7 @@ from pathlib import Path
 UNIT = {"float32": (F(1, 2**24), F(1, 2**126)), "float64": (F(1, 2**53), F(1, 2**1022))}
 SIDES = (("hi", 1), ("lo", -1))
 BESIDE = dict(members="bank", vary="lpv", shape="sets", lost="filter", square="follower", z_limit="sliding",
-              told="driven", birth="births", z_mid="polytopic")
+              told="driven", birth="births", pivot="descriptor", faults="faults", z_mid="polytopic")
 
 
 def demand(condition, text):

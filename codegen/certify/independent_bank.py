@@ -13,10 +13,32 @@ from math import comb
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
-from independent import demand, exact  # noqa: E402 - stands beside this file
+from independent import demand, exact, sub  # noqa: E402 - stands beside this file
+from independent_formula import unknown  # noqa: E402
 from independent_member import Member, largest  # noqa: E402
+from independent_sector import read_plant as read  # noqa: E402
 from independent_source import TABLE, flat, functions, numbers  # noqa: E402
-from independent_vertices import read_plant  # noqa: E402
+
+
+def read_plant(text):
+    """The plant with faults of sensors alone, one Bw for all vertices, and the pairs of vertices.
+
+    A discrete plant E x+ = A x + .. is one of Euler steps of period 1 with A - E, exactly. What weights read of inputs
+    and exactly measured parameters is the same in plant and observer.
+    """
+    p = read(text)
+    n, m, vertices = len(p["x"]), len(p["u"]), p["vertices"]
+    unknown(p["known"] or any(v["Bw"] != vertices[0]["Bw"] or any(map(any, v["Bf"])) for v in vertices))
+    p["Bw"], p["euler"], p["period"] = vertices[0]["Bw"], p["period"], p["period"] or F(1)
+    known = {*range(n, n + m), *(n + m + k for k, e in enumerate(p["errors"]) if not e)}
+    p["theta"] = [(a - e, b + e) for (a, b), e in zip(p["theta"], p["errors"])]
+    tied = -1 if p["read"] <= known else 0  # bits of vertices
+    for bit, (key, *_) in enumerate(p["premises"] or []):
+        tied |= all(i in known for i, e in enumerate(key) if e) << bit
+    every = range(len(vertices))
+    p["pairs"] = [(i, j) for i in every for j in every if not (i ^ j) & tied]
+    p["vertices"] = [(v["A"] if p["euler"] else sub(v["A"], p["E"]), v["B"]) for v in vertices]
+    return p
 
 
 def check_calibration(t, cert):

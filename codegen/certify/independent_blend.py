@@ -1,122 +1,19 @@
-"""The C of a polytopic observer against its tables, term by term; its weights are in [0, 1] and add up to 1.
+"""The C of a polytopic observer against its tables, term by term.
 
 Standard library only, nothing of residua imported; see ``independent_polytopic.py``. The sums are read back to the
-matrices that they are made of. Weights that are no tree of products are not known here: status 2.
+matrices that they are made of, the program of the weights operation by operation.
 """
 
 import re
-import struct
 import sys
 from fractions import Fraction as F  # noqa: N817 - on every line
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
-from independent import UNIT, demand, exact  # noqa: E402 - stands beside this file
-from independent_sector import unknown  # noqa: E402
+from independent import demand, exact  # noqa: E402 - stands beside this file
 from independent_source import TABLE, flat, functions, numbers  # noqa: E402
 
 TERM = re.compile(r" ?([+-]?) ?(?:\(([\d.e+-]+)F? \* ([\w.\[\]]+)\)|\((h\[\d+\] \* v\[\d+\])\)|([\w.\[\]]+))")
-INF = float("inf")
-
-
-def rounded(value, real):
-    """The nearest number of the type; products and sums of two numbers of it are rounded once by that."""
-    try:
-        return struct.unpack("f", struct.pack("f", value))[0] if real == "float32" and abs(value) < INF else value
-    except OverflowError:
-        return INF if value > 0 else -INF
-
-
-def check_weights(t, inputs):
-    """Every weight in [0, 1], whatever the estimate; their sum 1 but for a rounding per level of the tree.
-
-    Weights that are normalised are looked at by the C itself, and all the same where it finds them wrong. Returned are
-    the shares that the others are products of, the first premise first.
-    """
-    w, real = t["weights"], t["real"]
-    first = w["inputs"] + len(w["constants"])
-    nodes = {first + k: op for k, op in enumerate(w["operations"])}
-    ends = {k: (-INF, INF) for k in range(inputs)} | {inputs + k: (c, c) for k, c in enumerate(w["constants"])}
-    demand(w["inputs"] == inputs, "inputs of the weights")
-
-    def between(k):
-        if k not in ends:
-            ends[k] = found(nodes[k])
-        return ends[k]
-
-    def found(op):
-        name, *args = op
-        if name == "select":
-            truth = nodes[args[0]]
-            if truth == ["gt", *args[1:]]:  # the larger of both, the second where the first is no number
-                (a, b), (c, d) = map(between, args[1:])
-                return max(a, c), max(b, d)
-            return -INF, INF
-        if name not in ("add", "sub", "mul", "min", "neg"):
-            return -INF, INF
-        (a, b), (c, d) = (*map(between, args), (0.0, 0.0))[:2]
-        if name == "min":
-            return min(a, c), min(b, d)
-        if name == "neg":
-            return -b, -a
-        if name == "mul":
-            values = [0.0 if 0.0 in (x, y) else x * y for x in (a, b) for y in (c, d)]
-            return rounded(min(values), real), rounded(max(values), real)
-        part = nodes.get(args[1], [""])
-        if name == "sub" and part[0] == "mul" and args[0] in part[1:]:  # w - w mu
-            mu = between(part[1] if part[2] == args[0] else part[2])
-            if a >= 0 and mu[0] >= 0 and mu[1] <= 1:
-                return 0.0, b
-        return (rounded(a - d, real), rounded(b - c, real)) if name == "sub" else (
-            rounded(a + c, real), rounded(b + d, real))
-
-    def partition(h):
-        """Weights of a tree: the share of every level, by which it splits all weights before it."""
-        half = len(h) // 2
-        if len(h) == 1:
-            unknown(w["constants"][h[0] - inputs] != 1 if inputs <= h[0] < first else True)
-            return []
-        unknown(len(h) % 2)
-        lower, upper = h[:half], h[half:]
-        before = [nodes.get(k, ["", "", ""])[1] for k in lower]
-        mu = {upper[0]} if half == 1 else {next((a for a in nodes[u][1:] if a != b), None) if u in nodes else None
-                                           for u, b in zip(upper, before)}
-        unknown(len(mu) != 1 or any(nodes.get(k) != ["sub", b, u] for k, b, u in zip(lower, before, upper)))
-        demand(half == 1 or all(nodes[u][0] == "mul" and b in nodes[u][1:] for u, b in zip(upper, before)),
-               "weights that are products")
-        return [*partition(before), *mu]
-
-    given = [nodes.get(k, [""]) for k in w["results"][:-1]]
-    if all(op[0] == "select" for op in given):
-        check_found(given, nodes, dict(enumerate(w["constants"], inputs)), t)
-        return None
-    shares = partition(w["results"][:-1])
-    for k in w["results"][:-1]:
-        a, b = between(k)
-        demand(a >= 0 and b <= 1, "weights between 0 and 1")
-    demand(2 * len(shares) * UNIT[real][0] <= (8 * len(t["F"]) + 4) * 2 * UNIT[real][0], "sum of the weights")
-    demand(len(w["results"]) - 1 == len(t["F"]), "a weight for each vertex")
-    return shares
-
-
-def check_found(given, nodes, constants, t):
-    """Weights that are chosen where the C finds them to be numbers in [0, 1] that add up to 1; else they are equal."""
-    eps, count = 2 * UNIT[t["real"]][0], len(t["F"])
-    truths, todo = [], [given[0][1]]
-    while todo:
-        op = nodes[todo.pop()]
-        todo += op[1:] if op[0] == "and" else []
-        truths.append(op)
-    weights = [op[2] for op in given]
-    demand(len(given) == count and all(op[1] == given[0][1] for op in given), "a weight for each vertex, one choice")
-    total = weights[0]
-    for k in weights[1:]:
-        total = next((n for n, op in nodes.items() if op == ["add", total, k]), None)
-    for k, least, most in (*((k, 0, 1 + 4 * eps) for k in weights), (total, 1 - 4 * count * eps, 1 + 4 * count * eps)):
-        lo, hi = ([F(constants[op[2]]) for op in truths if op[0] == name and op[1] == k and op[2] in constants]
-                  for name in ("ge", "le"))
-        demand(lo and hi and max(lo) >= least - eps and min(hi) <= most + eps, "what the C asks of its weights")
-    demand(all(abs(F(constants[op[3]]) * count - 1) <= eps for op in given), "equal weights")
 
 
 def statements(text, real):
@@ -173,6 +70,32 @@ def check_blend(body, real, target, parts):
     demand(all(set(r) <= known for shared, own in rows for r in (shared, *own.values())), f"operands of {target}")
 
 
+def check_solved(body, t, z, u):
+    """What solves the algebraic equations: the weights of its vertices, then its sums."""
+    real = t["real"]
+    if any(d != 1 for d in t["pivot"]):
+        found, count = re.sub(r"[\s()]", "", body), len(t["pivot"])
+        total = "+".join(f"g[{j}]" for j in range(count))
+        given = [re.search(rf";g\[{j}\]=h\[{j}\](?:\*([\d.e-]+F?))?;", found) for j in range(count)]
+        demand(all(given) and [numbers(m[1], real)[0] if m[1] else F(1) for m in given] == exact(t["pivot"]),
+               "factors of the solved equations")
+        guard = re.search(re.escape(f";pivot={total};pivot=pivot>") + r"([\d.e-]+F?)\?pivot:\1;", found)
+        demand(guard and numbers(guard[1], real) == [F(min(t["pivot"])) / 2], "sum of the factors")
+        demand(all(f";g[{j}]=g[{j}]/pivot;" in found for j in range(count)), "weights of the solved equations")
+        used = re.findall(r"\(g\[\d+\] \* v", body)
+        demand("(h[" not in body and found.count("g[") == 4 * count + 1 + len(used), "other weights")
+        body = re.sub(r"\n *g\[[^;]*;", "", body).replace("(g[", "(h[")
+    demand(re.findall(r"_weights\((?:in, )?(.*?)\);", body) == ["s->z, h"], "weights at z")
+    n, solved = len(t["z0"]), {k: row for row, k in enumerate(t["algebraic"])}
+
+    def whole(M, others):
+        return [M[solved[i]] if i in solved else others[i] for i in range(n)]
+
+    of_z = [whole(P, [[float(i == k) for k in range(n)] for i in range(n)]) for P in t["P"]]
+    of_u = [whole(Q, [[0.0] * len(u)] * n) for Q in t["Q"]]
+    check_blend(body, real, "x_hat", ((of_z, z, 1), (of_u, u, 1)))
+
+
 def check_program(body, t):
     """The operations of the weights in the C, one by one, are those that were looked at."""
     w, real, n, m = t["weights"], t["real"], len(t["T2"]), len(t["u_lo"])
@@ -212,13 +135,19 @@ def check_source(text, header, t, prefix):
     z, y, hat, r, u = ([f"{name}[{k}]" for k in range(count)] for name, count in (
         ("s.z", n), ("y", p), ("x_hat", n), ("r", p), ("in.u", m)))
 
+    terms = [f"h[{len(t['F']) + k}]" for k in range(len(t.get("known", [[]])[0]))]
+    told = [([t["known"]] * len(t["F"]), terms, 1)] if terms else []
+
     def body(name):
         return functions(text, prefix, name)
 
-    check_rows(body("estimate"), real, "x_hat", z, t["T2"], y)
+    if "pivot" in t:
+        check_solved(body("estimate"), t, z, u)
+    else:
+        check_rows(body("estimate"), real, "x_hat", z, t["T2"], y)
     check_rows(body("residual"), real, "r", y, t["C"], hat, -1)
     check_rows(body("step"), real, "out.r", [""] * p, t["M"], r)
-    check_blend(body("move"), real, "s.z", ((t["F"], hat, 1), (t["G"], u, 1), (t["K"], r, -1)))
+    check_blend(body("move"), real, "s.z", ((t["F"], hat, 1), (t["G"], u, 1), (t["K"], r, -1), *told))
     law = t.get("law", {})
     if law:
         s = [f"law.s[{k}]" for k in range(len(law["rows"]))]
@@ -244,5 +173,5 @@ def check_source(text, header, t, prefix):
     check_program(body("weights"), t)
     program = {abs(F(c)) for c in t["weights"]["constants"]}
     known = {abs(x) for v in [*t.values(), *law.values()] if isinstance(v, list) for x in flat(v)} | program
-    known |= {F(0), F(1)} | ({F(law["period"])} if law else set())
+    known |= {F(0), F(1)} | ({F(law["period"])} if law else set()) | {F(d) / 2 for d in t.get("pivot", [])}
     demand({abs(x) for x in numbers(text, real)} <= known, "the C holds a number that no table does")

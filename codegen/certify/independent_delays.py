@@ -7,7 +7,9 @@ along: no program is solved here. What the delays are made of:
 * the box of the true mode when a switch comes is no wider than ``widths``: after power-up, and a dwell time after a
   switch, at which the children of the right mode that were born in any period leave one hull together;
 * the old mode, and the children of others, die in so many samples, from boxes of these widths;
-* no wrong child grows as old as the oldest age, at which it would give birth itself.
+* no wrong child grows as old as the oldest age, at which it would give birth itself;
+* after an alarm or a reset every mode begins in its widest box: the wrong ones and their children die in so many
+  samples, and once the true mode's box and its children's are as narrow as ``widths`` all of that holds again.
 """
 
 import sys
@@ -18,6 +20,7 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
 from independent import demand, exact  # noqa: E402 - stands beside this file
+from independent_hidden import check_faults  # noqa: E402
 from independent_sets import magnitudes, times  # noqa: E402
 from independent_story import Stories, total, up  # noqa: E402
 
@@ -52,6 +55,8 @@ class Delays:
             t["v_lo"], t["v_hi"], self.course("settled", exact(cert["widths"])).cut)]
         self.course("begun", [F(b) - F(a) for a, b in zip(t["start_lo"], t["start_hi"])])
 
+    read = staticmethod(read)
+
     def course(self, name, widths):
         """Stories that begin with boxes of these widths."""
         self.courses[name] = Stories(self.t, self.ranges, widths)
@@ -75,11 +80,28 @@ class Delays:
                 return last - 1
         return demand(False, f"nothing refutes the hypothesis {story} of {course} boxes")
 
-    def child(self, *story):
+    def child(self, *story, course="settled"):
         """The same of a child, whose age counts."""
-        last = self.alive("settled", *story)
+        last = self.alive(course, *story)
         self.oldest = max(self.oldest, last - story[3])
         return last
+
+    def first(self, q, m, begin, course="settled"):
+        """The last sample at which mode m, or a wrong child of it, may live where all modes began in one box."""
+        k = self.alive(course, q, q, m, None, m, begin)
+        return max([k, *(self.child(q, q, other, born, m, begin, course=course) for other in self.modes
+                         if other not in (q, m) for born in range(k + 1))])
+
+    def together(self, course, begin):
+        """Per mode that stays: the hull of its box and of its children's, and from which sample on it is that."""
+        out = {}
+        for q in self.modes:
+            lives = {m: self.alive(course, q, q, m, None, m, begin) for m in self.modes if m != q}
+            at = max(lives.values()) + 1
+            stories = [(q, q, q, None, q, begin)]
+            stories += [(q, q, q, born, m, begin) for m, k in lives.items() for born in range(k + 1)]
+            out[q] = self.hull(course, stories, 0, at), at
+        return out
 
     def hull(self, course, stories, first, at):
         """Widths at a sample of one box around those of all these stories of one run."""
@@ -126,14 +148,9 @@ class Delays:
 
     def begun(self):
         """After power-up: hull of the true mode's box and its children's, and from which sample on."""
-        out = {}
-        for q in self.modes:
-            lives = {m: self.alive("begun", q, q, m, None, m, "start") for m in self.modes if m != q}
-            at = max(lives.values()) + 1
-            stories = [(q, q, q, None, q, "start")]
-            stories += [(q, q, q, born, m, "start") for m, k in lives.items() for born in range(k + 1)]
-            out[q] = self.hull("begun", stories, 0, at), at
-            self.within(self.contracted(out[q][0], q, max(self.cert["dwell"] - at, 0)), "after power-up")
+        out = self.together("begun", "start")
+        for q, (box, at) in out.items():
+            self.within(self.contracted(box, q, max(self.cert["dwell"] - at, 0)), "after power-up")
         return out
 
     def switched(self):
@@ -176,11 +193,38 @@ class Delays:
             demand(last + 1 <= min(cert["identified"][i][j], cert["worst"]), f"delay of the decision, {i} to {j}")
         demand(cert["worst"] <= cert["dwell"], "a switch that is identified after the next one")
         for q, m in self.pairs:
-            k = self.alive("settled", q, q, m, None, m, "start")
-            last = max([k, *(self.child(q, q, other, born, m, "start") for other in self.modes
-                             if other not in (q, m) for born in range(k + 1))])
-            demand(last + 1 <= cert["start"], f"delay from power-up in mode {q}")
+            demand(self.first(q, m, "start") + 1 <= cert["start"], f"delay from power-up in mode {q}")
         demand(cert["ages"] >= self.oldest + 1, "a wrong child may come of age")
+        if "restart" in cert:
+            self.restarted()
+
+    def restarted(self):
+        """After an alarm or a reset: from when on the decision is right, and all else holds again."""
+        cert, whole = self.cert, [b - a for a, b in zip(exact(self.t["wide_lo"]), exact(self.t["wide_hi"]))]
+        self.course("restart", exact(cert["widths"]))
+        boxes, widest, calm = self.together("restart", "wide"), [], 0
+        for q, (box, at) in boxes.items():
+            demand(at <= cert["ages"], "a wrong mode may live as long as a child does until it gives birth")
+            widest += [self.contracted(whole, q, 0), self.contracted(box, q, cert["ages"] - at)]
+            left = cert["calm"] - at
+            demand(left >= 0, f"delay until all holds again in mode {q}")
+            calm = max(calm, at + self.narrow(box, q, left))
+        self.course("calm", [max(column) for column in zip(*widest)])
+        young = max(self.alive("calm", i, i, m, 0, None, "settled") for i, m in self.pairs)
+        right = max(self.first(q, m, "wide", course="restart") for q, m in self.pairs) + 1
+        demand(cert["ages"] >= max(young, self.oldest) + 1, "a wrong child may come of age after an alarm")
+        demand(right <= cert["restart"], "delay of the decision after an alarm")
+        demand(max(right, calm + young + 1) <= cert["calm"], "delay until all holds again")
+
+    def narrow(self, widths, q, most):
+        """Periods after which a box of a mode that stays is as narrow as stories begin with, for good."""
+        final = self.courses["settled"].widths
+        for count in range(most + 1):
+            if all(a <= b for a, b in zip(widths, final)) and all(
+                    a <= b for a, b in zip(self.contracted(widths, q, 0), final)):
+                return count
+            widths = self.narrowed(widths, q)
+        return demand(False, f"after an alarm the box of mode {q} is not narrow again in time")
 
 
 def check(design, real, ranges):
@@ -193,5 +237,12 @@ def check(design, real, ranges):
     demand("minimum_dwell" in switching or switching.get("chatter") == 1, "a dwell time between any two switches")
     dwell = F(float(switching.get("minimum_dwell", switching.get("average_dwell"))))
     demand(cert["dwell"] <= floor(dwell / period + F(1, 10**9)), "dwell time")
-    Delays(t, cert, ranges).check()
-    return "delays hold" + (", but for those after an alarm, which are not checked here" if "restart" in cert else "")
+    delays = Delays(t, cert, ranges)
+    delays.check()
+    said = "delays hold" + (", those after an alarm too" if "restart" in cert else "")
+    if not cert.get("faults"):
+        return said
+    if not any(name.startswith("fault") for name in cert["witnesses"]):
+        return said + "; sizes of faults are not checked here"
+    check_faults(delays, plant)
+    return said + ", faults of the sizes told are found"

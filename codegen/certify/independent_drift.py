@@ -19,8 +19,8 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parent))
 from independent import mul, sub  # noqa: E402 - stands beside this file
 from independent_filter import up  # noqa: E402
+from independent_formula import bounds, unknown  # noqa: E402
 from independent_pairs import add, kernel, reach, scaled, solved, transposed, unit  # noqa: E402
-from independent_sector import bounds, unknown  # noqa: E402
 
 TURNS = 30
 

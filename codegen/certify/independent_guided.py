@@ -21,10 +21,9 @@ from independent_step import read_plant  # noqa: E402
 
 
 def check_joint(t):
-    """Ranges of both, bounds of parameters without a mode; no change of coordinates."""
+    """Ranges of both, bounds of parameters without a mode."""
     told = t["told"]
     driven.check_ranges(t)
-    demand("change" not in told, "framers in other coordinates")
     driven.check_bounds(told)
     demand(t["x_lo"] == told["x_lo"] and t["x_hi"] == told["x_hi"], "another range of x than that of the framers")
 
@@ -34,7 +33,8 @@ def check_source(text, header, t, prefix):
     told, bare = t["told"], re.sub(r"/\*.*?\*/", "", text, flags=re.S)
     names = r"(?:told_\w+|theta_accepted)"
     own = functions(bare, prefix, names)
-    demand(all(f"{prefix}_told_{name}(" in own for name in ("forward", "blind", "residual")), "a map is missing")
+    demand(all(f"{prefix}_told_{name}(" in own for name in (
+        "forward", "blind", "residual", *("to_x", "to_z") * ("change" in told))), "a map is missing")
     driven.check_accepted(bare, prefix, told)
     (driven.lpv if "vary" in told else driven.plain).check_source(own, told)
     for piece in re.findall(rf"\n\w[^\n]*{prefix}_{names}\([^;]*?\)\n{{.*?\n}}\n", bare, re.S):

@@ -17,7 +17,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parent))
 from independent import UNIT, demand, exact, mul, size, sub  # noqa: E402 - stands beside this file
 from independent_energy import surely_positive  # noqa: E402
-from independent_sector import unknown  # noqa: E402
+from independent_formula import unknown  # noqa: E402
 from independent_table import inverse  # noqa: E402
 
 SHARE = F(1, 20)

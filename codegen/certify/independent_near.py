@@ -19,8 +19,8 @@ sys.path.append(str(Path(__file__).parent))
 from independent import UNIT, demand, exact, mul, sub  # noqa: E402 - stands beside this file
 from independent_drift import largest, reaches, slopes, turned  # noqa: E402
 from independent_filter import combined, up  # noqa: E402
+from independent_formula import Formula, unknown  # noqa: E402
 from independent_pairs import unit  # noqa: E402
-from independent_sector import bounds, plus, times, unknown  # noqa: E402
 
 
 def box_of(errors):
@@ -35,78 +35,87 @@ def box_of(errors):
 
 
 class Share:
-    """A value of the C: scale * (polynomial cut to lo, hi) + shift, all but an error."""
+    """A value of the C: scale * (formula cut to lo, hi) + shift, all but an error."""
 
     def __init__(self, p, error=F(0), cut=(None, None), scale=F(1), shift=F(0)):
         self.p, self.error, self.cut, self.scale, self.shift = p, error, cut, scale, shift
 
     def most(self, box):
         """Largest magnitude, error and all."""
-        ends = [c if c is not None else e for c, e in zip(self.cut, bounds(self.p, box))]
+        ends = [c if c is not None else e for c, e in zip(self.cut, self.p.bounds(box))]
         return max(abs(self.scale * e + self.shift) for e in ends) + self.error
 
+    @property
+    def plain(self):
+        """Whether it is a formula alone."""
+        return self.cut == (None, None) and self.scale == 1 and not self.shift
 
-def read(w, node, box, real):
-    """The share that a node of the program stands for."""
+
+def read(w, node, box, real, slips=None):
+    """The share that a node of the program stands for; ``slips`` are errors of the inputs, None of one not known."""
     (u, tiny), inputs, size = UNIT[real], w["inputs"], len(box)
     first = inputs + len(w["constants"])
+    if node < inputs:
+        unknown(slips is not None and slips[node] is None)
+        return Share(Formula.variable(node, size), F(0) if slips is None else slips[node])
     if node < first:
-        one = (0,) * size
-        return Share({tuple(int(k == node) for k in range(size)): F(1)} if node < inputs else
-                     {k: c for k, c in {one: F(w["constants"][node - inputs])}.items() if c})
+        return Share(Formula.of(w["constants"][node - inputs], size))
     name, *args = w["operations"][node - first]
     if name in ("select", "min"):
         if name == "select":
             unknown(w["operations"][args[0] - first] != ["gt", *args[1:]])
             args = args[1:]
-        a, b = (read(w, k, box, real) for k in args)
-        end = int(name == "min")
-        unknown(any(map(any, b.p)) or b.error or a.scale != 1 or a.shift or a.cut[end] is not None)
-        limit = b.p.get((0,) * size, F(0))
+        a, b = (read(w, k, box, real, slips) for k in args)
+        end, limit = int(name == "min"), b.p.number
+        unknown(limit is None or b.error or not b.plain or a.scale != 1 or a.shift or a.cut[end] is not None)
         demand(end == 0 or a.cut[0] is None or a.cut[0] <= limit, "bounds of a premise in the C")
         return Share(a.p, a.error, (a.cut[0], limit) if end else (limit, a.cut[1]))
-    unknown(name not in ("add", "sub", "mul", "neg"))
-    a, *b = (read(w, k, box, real) for k in args)
+    unknown(name not in ("add", "sub", "mul", "neg", "div"))
+    a, *b = (read(w, k, box, real, slips) for k in args)
     if name == "neg":
-        unknown(a.cut != (None, None))
-        return Share({k: -c for k, c in a.p.items()}, a.error)
+        unknown(not a.plain)
+        return Share(a.p * Formula.of(-1, size), a.error)
     (b,), sign = b, -1 if name == "sub" else 1
-    plain, fixed = (all(s.cut == (None, None) and s.scale == 1 and not s.shift for s in (a, b))), (0,) * size
     for x, y in ((a, b), (b, a)):
-        if not plain and set(y.p) <= {fixed} and y.cut == (None, None) and not y.error and (sign == 1 or x is a):
-            c = y.scale * y.p.get(fixed, F(0)) + y.shift
+        if not (a.plain and b.plain) and y.plain and y.p.number is not None and not y.error and name != "div" and (
+                sign == 1 or x is a):
+            c = y.p.number
             out = Share(x.p, x.error * abs(c), x.cut, x.scale * c, x.shift * c) if name == "mul" else Share(
                 x.p, x.error, x.cut, x.scale, x.shift + sign * c)
             return Share(out.p, out.error + u * out.most(box) + tiny, out.cut, out.scale, out.shift)
-    unknown(not plain)
+    unknown(not (a.plain and b.plain))
     if name == "mul":
-        error = a.most(box) * b.error + b.most(box) * a.error
-        out = Share(times(a.p, b.p), error)
+        out = Share(a.p * b.p, a.most(box) * b.error + b.most(box) * a.error)
+    elif name == "div":
+        lo, hi = b.p.bounds(box)
+        least = max(lo, -hi) - b.error
+        unknown(least <= 0)  # the C gives its largest number there
+        out = Share(a.p / b.p, (a.error + a.most(box) / (least + b.error) * b.error) / least)
     else:
-        out = Share(plus(a.p, b.p, sign), a.error + b.error)
+        out = Share(a.p + b.p if sign == 1 else a.p - b.p, a.error + b.error)
     return Share(out.p, out.error + u * out.most(box) + tiny)
 
 
 def apart(share, premise):
     """Largest difference of a share of the C and that of a premise, at the same state."""
     key, lo, hi = premise
-    unknown(set(share.p) != {key} or None in share.cut)
-    c = share.p[key]
+    unknown(not share.p.plain or set(share.p.n) != {key} or None in share.cut)
+    c = share.p.n[key]
     cuts = zip(sorted(e / c for e in share.cut), sorted((lo, hi)))
     slope = share.scale * c
     return abs(slope) * max(abs(a - b) for a, b in cuts) + share.error + max(
         abs(slope * z + share.shift - (z - lo) / (hi - lo)) for z in (lo, hi))
 
 
-def weights_apart(t, shares, premises, box):
-    """Half of how much the weights of the C over their sum are off in all, at the same state, at most."""
+def weights_apart(t, shares, premises, box, slips=None):
+    """How much each weight of the C is off the plant's at the same state, at most."""
     (u, tiny), errors = UNIT[t["real"]], [F(0)]
     demand(len(shares) == len(premises), "a share of the weights for each premise")
     for k, (node, premise) in enumerate(zip(shares, premises)):
-        off = apart(read(t["weights"], node, box, t["real"]), premise)
+        off = apart(read(t["weights"], node, box, t["real"], slips), premise)
         upper = [e + off + (u + tiny if k else 0) for e in errors]
         errors = [e + a + u + tiny for e, a in zip(errors, upper)] + upper
-    return sum(errors, F(0))  # once for the half of their differences, and for that of their sum from 1
+    return errors
 
 
 class Near:
@@ -136,7 +145,8 @@ class Near:
             far = reaches([(mul([row], lost), p.box["x"])])[0] + reaches([(mul([row], Dd), p.box["d"])])[0]
             far += sum((abs(a) * e for a, e in zip(mul([row], errors.T2)[0], y)), F(0))
             self.room.append(far + sum((abs(a) * e for a, e in zip(row, still)), F(0)) + (u[k - n] if k >= n else 0))
-        self.off = weights_apart(errors.t, shares, premises, box)
+        # Once for the half of their differences, and for that of their sum from 1.
+        self.off = sum(weights_apart(errors.t, shares, premises, box), F(0))
         self.sees = combined(rows, functionals, sees)
 
     def floats(self):

@@ -101,6 +101,26 @@ def nearest(E, C, S, T1, T2):
     return base
 
 
+def driven(known, own):
+    """Columns of what several signals do: of their middles, of each half width, and of unknowns of known sizes."""
+    known = list(known)
+    rows = range(len(known[0][0]))
+    columns = [[sum((b * m for M, box in known for b, (m, _) in zip(M[k], box)), F(0)) for k in rows]]
+    columns += [[row[k] * half for row in M] for M, box in known for k, (_, half) in enumerate(box)]
+    columns += [[row[k] * size for row in M] for M, sizes in own for k, size in enumerate(sizes)]
+    return transposed(columns)
+
+
+def sizes(t, name):
+    """Largest magnitudes of what the C accepts or limits."""
+    return [max(abs(F(a)), abs(F(b))) for a, b in zip(t[name + "_lo"], t[name + "_hi"])]
+
+
+def off_one(t):
+    """How far the weights of the C may add up to something else than 1."""
+    return (8 * len(t["F"]) + 4) * 2 * UNIT[t["real"]][0]
+
+
 class Plant:
     """Vertices for [w; v], boxes as (middle, half width), steps of the plant, and the premises of its weights."""
 
@@ -130,10 +150,12 @@ class Errors:
         self.T2, self.C, self.M = exact(t["T2"]), exact(t["C"]), exact(t["M"])
         self.T1 = nearest(plant.E, plant.C, plant.S, exact(T1), self.T2)
         self.F, self.G, self.K = (exact(t[k]) for k in "FGK")
+        self.kept, self.known, self.told = range(len(self.C[0])), exact(t.get("known", [[]] * len(self.C[0]))), []
         self.seen = add(mul(self.T1, plant.E), mul(self.T2, plant.C))  # I - R
         self.passed = sub(unit(len(self.C)), mul(self.C, self.T2))
         self.r_x = sub(plant.C, mul(self.C, self.seen))
-        self.r_d = mul(self.passed, plant.Dd)
+        self.shown_x, self.r_d = self.r_x, mul(self.passed, plant.Dd)  # what is judged may leave some of x out
+        self.Ee = unit(len(self.C[0]))
         self.N = [add(F_, mul(K, self.C)) for F_, K in zip(self.F, self.K)]
 
     def terms(self, i, j):
@@ -141,53 +163,60 @@ class Errors:
         a, b, g = (mul(self.T1, flow[i]) for flow in self.plant.flow)
         x = add(a, scaled(-1, mul(self.F[j], self.seen)), mul(self.K[j], self.r_x))
         d = add(g, scaled(-1, mul(mul(self.F[j], self.T2), self.plant.Dd)), mul(self.K[j], self.r_d))
-        return x, sub(b, self.G[j]), d
+        return x, sub(b, beside(self.G[j], self.known)), d
+
+    def ties(self, i, j):
+        """Rows that are zero on e, x, u and d: none, as eb has no algebraic part."""
+        return []
+
+    def estimates(self):
+        """Rounding and largest magnitude of every entry of x_hat."""
+        z, y = (sizes(self.t, k) for k in "zy")
+        return [rounding([(F(1), z[i]), *zip(self.T2[i], y)], self.real) for i in range(len(z))]
+
+    def residuals(self):
+        """Rounding and largest magnitude of every entry of r."""
+        y, most = sizes(self.t, "y"), [m for _, m in self.estimates()]
+        return [rounding([(F(1), y[i]), *zip(self.C[i], most)], self.real) for i in range(len(y))]
+
+    def says(self):
+        """Per state the terms that all vertices share, and rounding and magnitude of what each says beside them."""
+        values = [*(m for _, m in self.estimates()), *sizes(self.t, "u"), *(m for _, m in self.residuals()), *self.told]
+        gains = [beside(*(M[j] for M in (self.F, self.G, self.K)), self.known) for j in range(len(self.F))]
+        for i in range(len(self.F[0])):
+            same = [all(g[i][k] == gains[0][i][k] for g in gains) for k in range(len(values))]
+            own = [rounding([(F(0) if s else c, v) for s, c, v in zip(same, g[i], values)], self.real) for g in gains]
+            yield [(c if s else F(0), v) for s, c, v in zip(same, gains[0][i], values)], own
 
     def rounded(self):
         """Rounding of y, u, x_hat, r, M r and z."""
-        t, real = self.t, self.real
-        (u, tiny), h = UNIT[real], len(self.F)
-        z, y, given = ([max(abs(F(a)), abs(F(b))) for a, b in zip(t[k + "_lo"], t[k + "_hi"])] for k in "zyu")
-        x_hat = [rounding([(F(1), z[i]), *zip(self.T2[i], y)], real) for i in range(len(z))]
-        most = [m for _, m in x_hat]
-        r = [rounding([(F(1), y[i]), *zip(self.C[i], most)], real) for i in range(len(y))]
-        plain = unit(len(y)) == self.M
-        shown = [(F(0), m) for _, m in r] if plain else [rounding(zip(row, [m for _, m in r]), real) for row in self.M]
-        values, off = [*most, *given, *(m for _, m in r)], (8 * h + 4) * 2 * u
-        gains = [beside(*(M[j] for M in (self.F, self.G, self.K))) for j in range(h)]
-        after = []
-        for i in range(len(z)):
-            same = [all(g[i][k] == gains[0][i][k] for g in gains) for k in range(len(values))]
-            own = [rounding([(F(0) if s else c, v) for s, c, v in zip(same, g[i], values)], real) for g in gains]
-            shared = [(c if s else F(0), v) for s, c, v in zip(same, gains[0][i], values)]
-            error, _ = rounding([*shared, *((1 + off, m) for _, m in own)], real)
+        (u, tiny), off, x_hat, r = UNIT[self.real], off_one(self.t), self.estimates(), self.residuals()
+        shown, after = [(F(0), m) for _, m in r], []
+        if unit(len(r)) != self.M:
+            shown = [rounding(zip(row, [m for _, m in r]), self.real) for row in self.M]
+        for shared, own in self.says():
+            error, _ = rounding([*shared, *((1 + off, m) for _, m in own)], self.real)
             after.append(error + (1 + off) * max(e for e, _ in own) + off * max(m for _, m in own))
-        return ([u * b + tiny for b in y], [u * b + tiny for b in given],
+        return (*([u * b + tiny for b in sizes(self.t, k)] for k in "yu"),
                 *([e for e, _ in some] for some in (x_hat, r, shown)), after)
 
     def pushes(self):
-        """Per pair of vertices (N, columns of what drives eb+); M r over eb, and what else is in it."""
+        """Per pair of vertices N, columns of what drives eb, M r over eb, and what else is in it."""
         p, n = self.plant, len(self.F[0])
         y, u, x_hat, r, shown, z = self.rounded()
         if p.T is not None:
             change = [self.drift.of(mul(self.T1, M)) for M in p.A]
             z = [a + p.T * max(c) for a, c in zip(z, zip(*change))]
-        out = []
-        for i, j in product(range(len(p.A)), range(len(self.F))):
-            columns = [[F(0)] * n]
-            for M, box in zip(self.terms(i, j), (p.box["x"], p.box["u"], p.box["d"])):
-                columns[0] = [a + sum((b * m for b, (m, _) in zip(row, box)), F(0)) for a, row in zip(columns[0], M)]
-                columns += [[row[k] * half for row in M] for k, (_, half) in enumerate(box)]
-            of_y = sub(mul(self.F[j], self.T2), mul(self.K[j], self.passed))
-            for M, sizes in ((of_y, y), (self.G[j], u), (self.N[j], x_hat), (self.K[j], r), (unit(n), z)):
-                columns += [[row[k] * size for row in M] for k, size in enumerate(sizes)]
-            out.append((self.N[j], transposed(columns)))
         seen, room = mul(self.M, self.C), []
-        parts = [(mul(self.M, self.r_x), p.box["x"]), (mul(self.M, self.r_d), p.box["d"])]
+        parts = [(mul(self.M, self.shown_x), p.box["x"]), (mul(self.M, self.r_d), p.box["d"])]
         for k, row in enumerate(self.M):
-            mid = sum((a * m for M, box in parts for a, (m, _) in zip(M[k], box)), F(0))
-            far = sum((abs(a) * half for M, box in parts for a, (_, half) in zip(M[k], box)), F(0))
             errors = ((mul([row], self.passed)[0], y), (seen[k], x_hat), (row, r))
             lost = sum((abs(a) * e for some, es in errors for a, e in zip(some, es)), F(0))
-            room.append(abs(mid) + far + shown[k] + lost)
-        return out, seen, room
+            room.append(reach(sum((M[k] for M, _ in parts), []), sum((box for _, box in parts), [])) + shown[k] + lost)
+        out = []
+        for i, j in product(range(len(p.A)), range(len(self.F))):
+            of_y = sub(mul(self.F[j], self.T2), mul(self.K[j], self.passed))
+            own = ((of_y, y), (self.G[j], u), (self.N[j], x_hat), (self.K[j], r), (unit(n), z))
+            known = zip(self.terms(i, j), (p.box["x"], p.box["u"], p.box["d"]))
+            out.append((self.N[j], driven(known, own), seen, room))
+        return out

@@ -3,7 +3,8 @@
 Standard library only, nothing of residua imported; exact fractions. A product of an equation goes to the column of a
 state that is no premise, else of its first state, else of its first input, unless the file gives A and B. What varies
 in an entry is a premise: those of the file first, then powers of one variable each. Vertices are the corners of their
-bounds, the first premise turning fastest. Other equations than polynomials are not read: status 2.
+bounds, the first premise turning fastest. Other equations than polynomials are not read (status 2), but that terms
+which the file calls known, and with them a row of f, may be quotients.
 """
 
 import ast
@@ -15,85 +16,19 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
 from independent import demand  # noqa: E402 - stands beside this file
+from independent_formula import Formula, bounds, formula, plus, polynomial, unknown  # noqa: E402
 
-SHAPES = {"E": "xx", "A": "xx", "B": "xu", "C": "yx", "Bw": "xw", "Dv": "yv"}
-
-
-def unknown(condition):
-    """Stop where the checker knows no such plant."""
-    if condition:
-        print("not checked: this checker does not know such a plant or observer", file=sys.stderr)
-        sys.exit(2)
-
-
-def times(a, b):
-    """Product of polynomials: {exponents: coefficient}."""
-    out = {}
-    for (i, x), (j, y) in product(a.items(), b.items()):
-        key = tuple(p + q for p, q in zip(i, j))
-        out[key] = out.get(key, F(0)) + x * y
-    return {k: c for k, c in out.items() if c}
-
-
-def plus(a, b, sign=1):
-    """Sum or difference of polynomials."""
-    out = dict(a)
-    for key, y in b.items():
-        out[key] = out.get(key, F(0)) + sign * y
-    return {k: c for k, c in out.items() if c}
-
-
-def polynomial(text, names, constants):
-    """An expression of a plant file as a polynomial of the variables."""
-    one = (0,) * len(names)
-
-    def walk(node):
-        if isinstance(node, ast.Constant):
-            return {one: F(str(node.value))} if node.value else {}
-        if isinstance(node, ast.Name):
-            unknown(node.id not in names and node.id not in constants)
-            return {tuple(int(n == node.id) for n in names): F(1)} if node.id in names else {one: constants[node.id]}
-        if isinstance(node, ast.UnaryOp):
-            return plus({}, walk(node.operand), -1 if isinstance(node.op, ast.USub) else 1)
-        unknown(not isinstance(node, ast.BinOp))
-        a, b = walk(node.left), walk(node.right)
-        if isinstance(node.op, ast.Add | ast.Sub):
-            return plus(a, b, 1 if isinstance(node.op, ast.Add) else -1)
-        if isinstance(node.op, ast.Mult):
-            return times(a, b)
-        unknown(set(b) != {one})
-        if isinstance(node.op, ast.Div):
-            return {k: c / b[one] for k, c in a.items()}
-        unknown(not isinstance(node.op, ast.Pow) or b[one].denominator != 1 or b[one] < 1)
-        out = a
-        for _ in range(int(b[one]) - 1):
-            out = times(out, a)
-        return out
-
-    return walk(ast.parse(str(text), mode="eval").body)
-
-
-def bounds(p, box):
-    """Least and largest value of a polynomial over a box, monomial by monomial."""
-    lo, hi = F(0), F(0)
-    for key, c in p.items():
-        least, most = F(1), F(1)
-        for k, (a, b) in zip(key, box):
-            ends = [a**k, b**k] + ([F(0)] if k and not k % 2 and a < 0 < b else [])
-            ends = [x * y for x in (least, most) for y in (min(ends), max(ends))]
-            least, most = min(ends), max(ends)
-        lo, hi = lo + min(c * least, c * most), hi + max(c * least, c * most)
-    return lo, hi
+SHAPES = {"E": "xx", "A": "xx", "B": "xu", "C": "yx", "Bw": "xw", "Dv": "yv", "Bf": "xf", "Df": "yf"}
 
 
 def read_plant(text):
-    """E, C, Dv, vertices with A, B, Bw, ranges of the signals, initial box, period, and the bits that inputs tell."""
+    """E, C, Dv, Df, vertices, ranges, initial box, period, bits that inputs tell, what weights read, known terms, f."""
     p = tomllib.loads(text)
-    signals = {k: p["signals"].get(k, []) for k in ("x", "u", "y", "w", "v", "theta")}
+    signals = {k: p["signals"].get(k, []) for k in ("x", "u", "y", "w", "v", "f", "theta")}
     constants = {k: F(repr(float(v))) for k, v in p.get("constants", {}).items()}
-    names = [s["name"] for k in "xu" for s in signals[k]]
+    names = [s["name"] for k in ("x", "u", "theta") for s in signals[k]]
     common, own = p.get("common", {}), p.get("nonlinear", {})
-    unknown(signals["theta"] or "point" in own or "known" in own)
+    unknown("point" in own or any(not s.get("measured", True) for s in signals["theta"]))
     unknown(any(polynomial(e, [], constants) for row in common.get("D", []) for e in row))
 
     def matrix(key, given=None):
@@ -103,20 +38,32 @@ def read_plant(text):
         rows = [[polynomial(e, [], constants).get((), F(0)) for e in row] for row in rows]
         return [[F(float(e)) for e in row] for row in rows]
 
-    box = [tuple(F(float(b)) for b in s["range"]) for k in "xu" for s in signals[k]]
-    plant = {"E": matrix("E", own.get("E")), "C": matrix("C"), "Dv": matrix("Dv"), "tied": [], "period": (
-        F(float(p["time"]["sample_period"])) if p["time"]["kind"] == "continuous" else None)}
-    for k in "xuywv":
-        plant[k] = [tuple(F(float(b)) for b in s["range" if k in "xuy" else "bounds"]) for s in signals[k]]
+    plant = {k: matrix(k) for k in ("C", "Dv", "Df")} | {"E": matrix("E", own.get("E")), "tied": [], "known": []}
+    plant["period"] = F(float(p["time"]["sample_period"])) if p["time"]["kind"] == "continuous" else None
+    for k in "xuywvf":
+        key = "bounds" if k in "wv" else "range"
+        plant[k] = [tuple(F(float(b)) for b in (s[key] if k != "f" else s.get(key, (0, 0)))) for s in signals[k]]
+    plant["theta"] = [tuple(F(float(b)) for b in s["bounds"]) for s in signals["theta"]]
+    plant["errors"] = [F(float(s.get("error", 0))) for s in signals["theta"]]
+    plant["rates"] = [F(float(s.get("rate", 0))) for s in signals["u"]]
+    plant["names"] = [s["name"] for s in signals["f"]]
     plant["x0"] = [(F(float(a)), F(float(b))) for a, b in zip(p["initial"]["x_lo"], p["initial"]["x_hi"])]
     if p.get("vertex"):
         unknown(any(any(v.get("offset", [])) for v in p["vertex"]))
-        plant["vertices"] = [{k: matrix(k, v.get(k)) for k in ("A", "B", "Bw")} for v in p["vertex"]]
-        plant["premises"] = None
+        plant["vertices"] = [{k: matrix(k, v.get(k)) for k in ("A", "B", "Bw", "Bf")} for v in p["vertex"]]
+        nodes = [node for v in p["vertex"] for node in ast.walk(ast.parse(str(v.get("weight", 0))))]
+        read = {node.id for node in nodes if isinstance(node, ast.Name)}
+        plant["premises"] = plant["f_of"] = None
+        plant["read"] = {k for k, name in enumerate(names) if name in read}
         return plant
-    entries = factors(own, names, len(signals["x"]), constants)
-    parts, cores, limits, tied = sectors(own, entries, names, len(signals["x"]), box, constants)
-    plant["tied"], plant["premises"] = tied, [(key, *ends) for key, ends in zip(cores, limits)]
+    plant["f_of"] = [formula(e, names, constants) for e in own["f"]]
+    plant["known"] = [(i, t) for i, t in enumerate(formula(e, names, constants) for e in own.get("known", [])) if t]
+    entries = factors(own, names, plant, constants)
+    box = plant["x"] + plant["u"] + plant["theta"]
+    parts, cores, limits = sectors(own, entries, names, box, constants)
+    plant["premises"], n_x = [(key, *ends) for key, ends in zip(cores, limits)], len(signals["x"])
+    plant["tied"] = [k for k, core in enumerate(cores) if not any(core[:n_x])]
+    plant["read"] = {k for core in cores for k, e in enumerate(core) if e}
     plant["vertices"] = []
     for ends in product(*reversed(limits)):
         at = list(reversed(ends))
@@ -130,37 +77,38 @@ def read_plant(text):
             return F(float(total))
 
         rows = [[value(e) for e in row] for row in parts]
-        plant["vertices"].append({"A": [row[:len(signals["x"])] for row in rows],
-                                  "B": [row[len(signals["x"]):] for row in rows], "Bw": matrix("Bw")})
+        A, B = ([row[part] for row in rows] for part in (slice(n_x), slice(n_x, None)))
+        plant["vertices"].append({"A": A, "B": B, "Bw": matrix("Bw"), "Bf": matrix("Bf")})
     return plant
 
 
-def factors(own, names, n_x, constants):
-    """Rows of [A B] as polynomials: those of the file, or by the rule; together they are f exactly."""
-    f = [polynomial(e, names, constants) for e in own["f"]]
-    unit = [tuple(int(i == k) for i in range(len(names))) for k in range(len(names))]
+def factors(own, names, plant, constants):
+    """Rows of [A B] as polynomials: those of the file, or by the rule; with the known terms they are f exactly."""
+    size, wide, f = len(names), len(plant["x"] + plant["u"]), list(plant["f_of"])
+    for i, term in plant["known"]:
+        f[i] -= term
     if "A" in own:
         rows = [[polynomial(e, names, constants) for e in [*a, *b]] for a, b in zip(own["A"], own["B"])]
     else:
+        unknown(not all(given.plain for given in f))
         named = [polynomial(q["term"], names, constants) for q in own.get("premise", [])]
-        order = sorted(range(len(names)), key=lambda k: ({unit[k]: F(1)} in named, k))
-        rows = [[{} for _ in names] for _ in f]
+        order = sorted(range(wide), key=lambda k: (Formula.variable(k, size).n in named, k))
+        rows = [[{} for _ in range(wide)] for _ in f]
         for row, given in zip(rows, f):
-            for key, c in given.items():
+            for key, c in given.n.items():
                 column = next((k for k in order if key[k]), None)
                 unknown(column is None)
                 rest = tuple(e - (i == column) for i, e in enumerate(key))
                 row[column] = plus(row[column], {rest: c})
-    for row, given in zip(rows, f):
-        total = {}
+    for row, left in zip(rows, f):
         for k, entry in enumerate(row):
-            total = plus(total, times(entry, {unit[k]: F(1)}))
-        demand(total == given, "A x + B u is not f")
+            left -= Formula(entry, {(0,) * size: F(1)}) * Formula.variable(k, size)
+        demand(not left, "A x + B u is not f")
     return rows
 
 
-def sectors(own, rows, names, n_x, box, constants):
-    """Entries as sums of products of premises, these as exponents, their bounds, and those that read inputs alone."""
+def sectors(own, rows, names, box, constants):
+    """Entries as sums of products of premises, these as exponents, their bounds."""
     cores, limits = [], []
     for q in own.get("premise", []):
         p = polynomial(q["term"], names, constants)
@@ -192,5 +140,4 @@ def sectors(own, rows, names, n_x, box, constants):
             out[tuple(which)] = out.get(tuple(which), F(0)) + c
         return out
 
-    tied = [k for k, core in enumerate(cores) if not any(core[:n_x])]
-    return [[entry(p) for p in row] for row in rows], cores, limits, tied
+    return [[entry(p) for p in row] for row in rows], cores, limits

@@ -55,18 +55,18 @@ def chord(lo, hi):
 class Stories:
     """Rows of stories; ``widths`` bound the box of an established true mode when a story begins."""
 
-    def __init__(self, t, ranges, widths):
+    def __init__(self, t, ranges, widths, more=None):
         keys = ("Phi", "Gamma", "shift", "reach", "J", "J_u", "J_shift", "J_radius", "J_u_radius", "J_reach", "birth")
         self.t = {k: exact(t[k]) for k in (*keys, "v_lo", "v_hi", "u_lo", "u_hi", "wide_lo", "wide_hi", "start_lo",
                                            "start_hi", "S_inverse")}
         n, self.known = len(t["S"]), {}
-        self.n = n
+        self.n, self.more = n, more or [F(0)] * len(t["v_lo"])  # what a fault does to y at most
         self.p, self.widths, (unit, _) = len(t["v_lo"]), widths, UNIT[t["real"]]
         self.umax = [max(abs(a), abs(b)) for a, b in zip(self.t["u_lo"], self.t["u_hi"])]
         self.far = [max(abs(a), abs(b)) for a, b in zip(self.t["wide_lo"], self.t["wide_hi"])]
         self.noise = [max(abs(a), abs(b)) for a, b in zip(self.t["v_lo"], self.t["v_hi"])]
         self.share = 2 * (n + len(self.umax) + 8) * unit  # of its terms a sum is off by less
-        self.cut = [self.share * (a + 5 * b) for a, b in zip(self.far, self.noise)]
+        self.cut = [self.share * (a + 5 * b + c) for a, b, c in zip(self.far, self.noise, self.more)]
         demand(min(map(min, self.t["reach"])) > F(1, 2**80), "a reach in which no underflow fits")
         demand(all(a <= b for a, b in zip(self.cut, self.noise)), "noise in which the rounding of y does not fit")
         demand(all(max(-F(a), F(b)) <= c for a, b, c in zip(t["start_lo"], t["start_hi"], self.far)), "the first box")
@@ -100,7 +100,7 @@ class Stories:
             plain = [max(column) for column in zip(found[0], *found[2::2])]
             once = [max(column) for column in zip(plain, found[1], *found[3::2])]
             for size in (plain, once):
-                size[:self.p] = [a + 3 * b for a, b in zip(self.far, self.noise)]
+                size[:self.p] = [a + 3 * b + c for a, b, c in zip(self.far, self.noise, self.more)]
             plain, once = up(plain), up(once)
         return plain, once
 
@@ -135,10 +135,11 @@ class Stories:
     def program(self, story, first, last):
         """Blocks of rows ([(matrix, first column), ...], right sides), ends of variables, those of the last sample."""
         blocks, lo, hi, now, (plain, most), t = [], [], [], None, self.reach(last - first), self.t
-        cut, v_hi, v_lo, none = self.cut, t["v_hi"], minus(t["v_lo"]), [F(0)] * self.n
+        v_hi, v_lo, none = total(t["v_hi"], self.cut), total(minus(t["v_lo"]), self.cut), [F(0)] * self.n
         one, ones = self.one, [row[:self.p] for row in self.one[:self.p]]
         top, rest = one[:self.p], one[self.p:]
-        seen = [[a + 2 * b for a, b in zip(t[f"wide_{s}"], t[f"v_{s}"])] for s in ("lo", "hi")]
+        seen = [[a + 2 * b + sign * c for a, b, c in zip(t[f"wide_{s}"], t[f"v_{s}"], self.more)]
+                for s, sign in (("lo", -1), ("hi", 1))]
         twice, half = [2 * a for a in most], [[-a / 2 for a in row] for row in rest]
         for k in range(first, last + 1):
             before, now = now, {}
@@ -154,9 +155,8 @@ class Stories:
             for terms, right in (([(top, c), (minus(ones), y)], none[:self.p]), moved):
                 blocks += [(terms, right), ([(minus(M), at) for M, at in terms], minus(right))]
             blocks += [([(t["S_inverse"], xi)], self.x_hi), ([(minus(t["S_inverse"]), xi)], minus(self.x_lo)),
-                       ([(ones, y), (minus(top), xi)], v_hi), ([(minus(ones), y), (top, xi)], v_lo),
-                       ([(ones, y), (minus(top), a)], total(v_hi, cut)),
-                       ([(minus(ones), y), (top, b)], total(v_lo, cut)), ([(one, a), (minus(one), b)], none)]
+                       *self.measured(k, now, lo, hi), ([(ones, y), (minus(top), a)], v_hi),
+                       ([(minus(ones), y), (top, b)], v_lo), ([(one, a), (minus(one), b)], none)]
             if before is not None:
                 blocks += [*self.truth(story, k - 1, before, now), *self.hypothesis(story, k - 1, before, now, plain)]
             elif story[5] == "settled":
@@ -166,6 +166,12 @@ class Stories:
                 for at in (a, b, xi):
                     blocks += [([(one, at)], t[f"{story[5]}_hi"]), ([(minus(one), at)], minus(t[f"{story[5]}_lo"]))]
         return blocks, lo, hi, now
+
+    def measured(self, k, now, lo, hi):
+        """Rows of y less the truth; lo and hi take variables of their own."""
+        ones, top = [row[:self.p] for row in self.one[:self.p]], self.one[:self.p]
+        return [([(ones, now["y"]), (minus(top), now["xi"])], self.t["v_hi"]),
+                ([(minus(ones), now["y"]), (top, now["xi"])], minus(self.t["v_lo"]))]
 
     def truth(self, story, k, a, b):
         """Rows of the true state over the period after sample k."""

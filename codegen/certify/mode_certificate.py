@@ -78,8 +78,10 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
             **({"switches": "at samples"} if plant.kind == "discrete" else {})}
     kept: dict = {}
     proved(plant, t, cert, kept)
-    faults = found_faults(plant, t, cert)
-    return t, cert | ({"faults": faults} if faults else {}) | {"witnesses": mode_witness.stated(kept, found.widths)}
+    faults = found_faults(plant, t, cert, kept)
+    sizes = {f"fault{[s.name for s in plant.f].index(f['channel'])}": f["size"] for f in faults}
+    return t, cert | ({"faults": faults} if faults else {}) | {
+        "witnesses": mode_witness.stated(kept, found.widths, sizes)}
 
 
 def claims_on(plant, t, cert: dict, kept: dict | None = None) -> Claims:
@@ -95,13 +97,13 @@ _KNOWN: dict[str, ModeDelays] = {}
 _FOUND: dict[str, list] = {}
 
 
-def found_faults(plant, t, cert: dict) -> list[dict]:
+def found_faults(plant, t, cert: dict, kept: dict | None = None) -> list[dict]:
     """Steps of sensors that leave no mode possible, anew from the widths of a certificate (``mode_faults``)."""
-    claims, own = claims_on(plant, t, cert), {k: v for k, v in t.to_dict().items() if k not in FRAMERS}
+    claims, own = claims_on(plant, t, cert, kept), {k: v for k, v in t.to_dict().items() if k not in FRAMERS}
     acting = [[m.Df.tolist(), m.Bf.tolist()] for m in plant.modes], [[f.name, f.lo, f.hi] for f in plant.f]
     key = digest(own, [cert["widths"], cert["quiet"], cert["dwell"]], [side.tolist() for side in (
         *claims.x, *claims.u)], acting)
-    if key not in _FOUND:
+    if key not in _FOUND or kept is not None:
         if len(_FOUND) >= 32:
             _FOUND.clear()
         _FOUND[key] = surely_found(plant, claims, np.array(cert["widths"]), cert["quiet"])

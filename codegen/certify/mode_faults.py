@@ -29,10 +29,12 @@ class FaultCourse(Course):
         What one unit of the fault does to y; with the sign of the fault.
     top : float
         Largest fault.
+    name : str
+        Of the fault, where multipliers are kept.
     """
 
-    def __init__(self, claims, widths: Array, direction: Array, top: float):
-        super().__init__(claims.t, *claims.x, *claims.u, widths)
+    def __init__(self, claims, widths: Array, direction: Array, top: float, name: str = ""):
+        super().__init__(claims.t, *claims.x, *claims.u, widths, claims.kept, name)
         self.direction, self.top, self.more = direction, top, np.abs(direction) * top
 
     def _measured(self, out, k: int, now: dict) -> None:
@@ -46,7 +48,7 @@ class FaultCourse(Course):
         out.below([(-one, now["y"]), (one, now["xi"][:self.p]), (d, out.fault)], -self.t.v_lo)
 
 
-def largest_hidden(claims, widths: Array, quiet: int, direction: Array, top: float) -> float:
+def largest_hidden(claims, widths: Array, quiet: int, direction: Array, top: float, name: str = "") -> float:
     """A sure upper bound of the step that some hypothesis survives; infinite where none can be given.
 
     Parameters
@@ -58,6 +60,8 @@ def largest_hidden(claims, widths: Array, quiet: int, direction: Array, top: flo
         Age that a wrong child does not reach while the mode stays, without fault.
     direction : ndarray (n_y,)
     top : float
+    name : str
+        Of the fault, where multipliers are kept.
 
     Returns
     -------
@@ -67,14 +71,14 @@ def largest_hidden(claims, widths: Array, quiet: int, direction: Array, top: flo
         return np.inf
     worst = 0.0
     for sign in (1, -1):
-        course = FaultCourse(claims, widths, sign * direction, top)
+        course = FaultCourse(claims, widths, sign * direction, top, f"{name}{'+' if sign > 0 else '-'}")
         for true in claims.modes:
             stories = [Story(true, true, true)]
             stories += [Story(true, true, m, born) for m in claims.modes if m != true
                         for born in range(-1 - quiet, WITHIN)]
             for story in stories:
                 program, _ = course.told(story, min(-1, -1 if story.born is None else story.born), WITHIN)
-                worst = max(worst, program.most({int(program.fault[0]): 1.0}))
+                worst = max(worst, program.most({int(program.fault[0]): 1.0}, "fault"))
                 if worst >= top * (1 - 1e-6):
                     return np.inf
     return worst * (1 + 1e-9)
@@ -103,7 +107,10 @@ def surely_found(plant, claims, widths: Array, quiet: int) -> list[dict]:
         if any(np.any(m.Bf[:, j]) for m in plant.modes) or not np.isfinite(top) or any(
                 not np.array_equal(c, columns[0]) for c in columns) or not np.any(columns[0]):
             continue
-        size = largest_hidden(claims, widths, quiet, columns[0], top)
+        size = largest_hidden(claims, widths, quiet, columns[0], top, f"fault{j}")
         if np.isfinite(size):
             out.append({"channel": f.name, "size": float(size), "within": WITHIN, "after": claims.dwell + quiet})
+        elif claims.kept is not None:
+            for name in [n for n in claims.kept if n.startswith((f"fault{j}+ ", f"fault{j}- "))]:
+                claims.kept.pop(name)
     return out

@@ -16,7 +16,7 @@ DIGITS = (6, 9, 12, 16, 22, 30, 53)
 LOSS = 1e-4
 
 
-def stated(kept: dict, widths: Array) -> dict[str, str]:
+def stated(kept: dict, widths: Array, sizes: dict[str, float] | None = None) -> dict[str, str]:
     """Print multipliers.
 
     Parameters
@@ -25,6 +25,8 @@ def stated(kept: dict, widths: Array) -> dict[str, str]:
         Name -> (program, multipliers, cost), of ``mode_delay.Program``.
     widths : ndarray (n_x,)
         Certified; a bound may lose ``LOSS`` of them.
+    sizes : dict, optional
+        Of faults, certified, by the name of their course: a bound may lose what it is below that.
 
     Returns
     -------
@@ -40,7 +42,12 @@ def stated(kept: dict, widths: Array) -> dict[str, str]:
     for name, (program, y, cost) in kept.items():
         if cost is None and first[name.rsplit(" ", 1)[0]] != int(name.rsplit(" ", 1)[1]):
             continue
-        out[name] = _shortest(program, y, cost, 0.0 if cost is None else LOSS * float(widths[int(name.split()[-1])]))
+        loss, (course, *_, last) = 0.0, name.split()
+        if last == "fault":
+            loss = sizes[course[:-1]] - float(program.exactly(y, cost))
+        elif cost is not None:
+            loss = LOSS * float(widths[int(last)])
+        out[name] = _shortest(program, y, cost, loss)
     return out
 
 

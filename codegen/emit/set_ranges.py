@@ -164,6 +164,8 @@ def guided(t, members: dict[str, str]) -> Ranges:
     last += [("theta", t.vary.theta_lo[0], t.vary.theta_hi[0])] if t.vary else []
     kept = own.kept | dict.fromkeys(("told_lo", "told_hi"), (-most, most))
     kept |= {f"told_{name}": (np.minimum(lo, 0), np.maximum(hi, 0)) for name, lo, hi in last}
+    if t.told.change is not None:
+        kept |= dict.fromkeys(("told_z_lo", "told_z_hi"), (-t.told.change.box, t.told.change.box))
     return Ranges(own.numbers, own.words, own.about, kept)
 
 

@@ -8,6 +8,7 @@ beside it:
    a reset, a missing sample) the framers start there;
 2. else they move by the step of the mode that is decided for, which is that of the last sample, and are cut to the
    estimator's bounds;
+   In other coordinates they carry z = Z x beside x (``changed``), which starts from what Z makes of x and is cut to it;
 3. what they expect of y is the residual interval; zero outside it, or crossed bounds, sets a bit of the alarm.
 
 So where no fault acts and the decision has been the true mode since it was taken up, the framers hold the state: they
@@ -22,7 +23,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from .framer import FramerTables, open_loop, propagate, residuals
+from .changed import blind_step, measured_step, turned
+from .framer import FramerTables, residuals
 from .sliding import SlidingObserver
 from .sliding_tables import SlidingTables
 
@@ -36,7 +38,7 @@ class GuidedTables(SlidingTables):
     Parameters
     ----------
     told : FramerTables
-        Of the observer that is told its mode; no change of coordinates.
+        Of the observer that is told its mode.
     """
 
     told: FramerTables | None = None
@@ -78,18 +80,23 @@ class GuidedObserver(SlidingObserver):
         super().start(t, runs, x0_lo, x0_hi)
         _, n, n_u, p = t.sizes
         self.frame = [np.zeros((runs, n), t.dtype) for _ in range(2)]
+        self.frame_z = None if t.told.change is None else tuple(self.frame)
         self.before = [np.zeros((runs, count), t.dtype) for count in (n_u, p, t.vary.parameters if t.vary else 0)]
 
     def _answered(self, t: GuidedTables, step: Array, kept: Array, answer, u: Array, y: Array, theta: Array, r):
         """Bounds, residuals and alarm bits of the framers."""
         (shown, decided), (*last, before) = answer, self.before
         between = (before + theta) * t.dtype.type(0.5) if t.vary and t.vary.midpoint else before
-        moved = propagate(t.told, decided, *self.frame, *last, y, between, change=theta - before)
-        blind = open_loop(t.told, decided, *self.frame, self.before[0])
+        moved, z = measured_step(t.told, decided, self.frame, self.frame_z, *last, y, between, theta - before)
+        blind, blind_z = blind_step(t.told, decided, self.frame, self.before[0])
         lo, hi = (np.where(step[:, None], a, b) for a, b in zip(moved, blind))
         lo, hi = np.where(lo > shown[0], lo, shown[0]), np.where(hi < shown[1], hi, shown[1])
         self.frame = [np.where(kept[:, None], a, b) for a, b in zip((lo, hi), shown)]
         self.before = [u, y, theta]
         r_lo, r_hi = residuals(t.told, decided, *self.frame, u, y)
         crossed = (self.frame[0] > self.frame[1]).any(axis=1)
+        if z is not None:
+            z = tuple(np.where(step[:, None], a, b) for a, b in zip(z, blind_z))
+            self.frame_z = turned(t.told, kept, self.frame, z)
+            crossed = crossed | (self.frame_z[0] > self.frame_z[1]).any(axis=1)
         return self.frame, (r_lo, r_hi), np.column_stack([(r_lo > 0) | (r_hi < 0), crossed])

@@ -20,8 +20,8 @@ from ..synthesis.descriptor_lmi import Bounds
 from ..synthesis.descriptor_problem import scaled
 from .descriptors import SPARE, problem_and_scaling
 from .descriptors import certified as certified_energy
-from .polytopic_designs import GAIN, Proposal, decay_of, without_dust
-from .polytopic_tables import frozen, tables_of
+from .polytopic_designs import GAIN, Proposal, decay_of
+from .polytopic_tables import frozen, tables_of, without_dust
 
 Array = np.ndarray
 
@@ -79,7 +79,7 @@ def tables(plant: Plant, proposal: Proposal, real: str) -> DescriptorTables:
     L = np.array([s.injection(k) for k in proposal.found.K])
     gains = StandardGains(*(rounded(M, real) for M in (
         np.zeros((n, p)), F, T * (T1 @ problem.B), -T * (T1 @ L), problem.C)))
-    base = tables_of(plant, without_dust(gains, proposal, real), np.eye(p), real)
+    base = tables_of(plant, without_dust(gains, s, problem.u_unit, real), np.eye(p), real)
     pivot, P, Q = (rounded(M, real).astype(real) for M in descriptor_direct.solved(problem))
     return DescriptorTables(**{f.name: getattr(base, f.name) for f in fields(base)}, P=P, Q=Q, pivot=pivot,
                             algebraic=tuple(int(k) for k in np.flatnonzero(~at)))

@@ -62,14 +62,15 @@ def frozen(plant: Plant, problem, t: PolytopicTables, T1: Array, period: float |
     low = chooser.reached(np.concatenate(chooser.O))
     t = limited(plant, t, first, BEYOND * chooser.sizes[:n])
     model, T1E = fault_bounds.model(plant, problem, t, T1, period, bend)
-    rows = floats(model[0].O)
-    found = kept_ellipsoid([floats(m.J) for m in model], [widened(floats(fault_sets.condensed(m.W))) for m in model],
-                           rows[np.any(rows != 0, axis=1)], floats(fault_sets.starts(plant, t, T1E)[1]))
+    rows, kept = floats(model[0].O), [fault_sets.columns_that_matter(m.W) for m in model]
+    moved = [widened(floats(fault_sets.condensed(m.W, some))) for m, some in zip(model, kept)]
+    found = kept_ellipsoid([floats(m.J) for m in model], moved, rows[np.any(rows != 0, axis=1)],
+                           floats(fault_sets.starts(plant, t, T1E)[1]))
     if found is None:
         raise DesignError(f"{plant.name}: no set of the error is kept for all weights (found none), so there is no "
                           "bound. Ask for a faster decay or larger gains.")
     P, D, share = found
-    cert = {"P": P.tolist(), "D": [d.tolist() for d in D], "share": share,
+    cert = {"P": P.tolist(), "kept": kept, "D": [d.tolist() for d in D], "share": share,
             "reached": low.reshape(-1, len(t.C)).max(axis=0).tolist()}
     t, level = _laid_out(plant, t, model[0], cert, fault_sets.starts(plant, t, T1E))
     cert["level"] = level

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 from ..certify import mode_certificate
 from ..designs import Design, claims_of
-from ..errors import CertificateError, DesignError
+from ..errors import CertificateError
 from ..observers import FAMILIES, DrivenTables, FollowerTables, ModeTables, Supervision
 from ..plant.bounded import bounded
 from ..plant.model import Plant
@@ -130,13 +130,6 @@ def followed(plant: Plant, name: str, told: dict, proofs: dict, choice: list, op
     return assembled(plant, name, "follower",
                      {r: following(FollowerTables, tables[r], told[r], family) for r in shared},
                      {r: certs[r] | {"told": proofs[r]} for r in shared}, choice, options)
-
-
-def require_x(plant: Plant, told: dict, how: str) -> None:
-    """Refuse framers in other coordinates; ``how`` says what is done to them in x."""
-    if any(t.change is not None for t in told.values()):
-        raise DesignError(f'{plant.name}: coordinates = "change" is not to be had where the mode is not known, whose '
-                          f'framers are {how} in x; expected "none".')
 
 
 def assembled(plant: Plant, name: str, family: str, tables: dict, certs: dict, choice: list, options: dict,

@@ -14,7 +14,7 @@ from ..plant.model import Plant
 from ..synthesis.guided_tables import guided as joined
 from ..synthesis.mode_sliding import TARGET, settings, theorem12
 from ..synthesis.sliding_tables import tables_of
-from .modes import assembled, require_x
+from .modes import assembled
 
 REALS = ("float32", "float64")
 
@@ -71,9 +71,8 @@ def guided(plant: Plant, name: str, told: dict, proofs: dict, choice: list, opti
     Raises
     ------
     DesignError, CertificateError
-        As ``designed``; framers in other coordinates.
+        As ``designed``.
     """
-    require_x(plant, told, "cut")
     tables, certs, _ = both(plant, options, lambda text: progress(f"{name}: {text}"))
     shared = [real for real in tables if real in told]
     tables = {r: joined(GuidedTables, tables[r], told[r]) for r in shared}

@@ -52,9 +52,6 @@ def check_options(where: str, options: dict, known: dict | None = None) -> None:
             raise DesignError(f"{where}: observer.{key} is {value!r}, expected {words}.")
 
 
-UNTOLD = 'the mode is not known at run time, expected switching.known = true. Method "mode-set" finds it.'
-
-
 def inapplicable(plant, tnl: bool) -> str | None:
     """Why a plant cannot have an interval observer of this form, with what to change; None if it can."""
     if plant.polytope is not None:
@@ -106,7 +103,7 @@ def through_reason(plant) -> str | None:
 
 def common_reason(plant, tnl: bool, classical: str) -> str | None:
     """What stands in the way of any interval observer; ``classical``: the method without N. None if nothing does."""
-    if (reason := through_reason(plant) or untold_reason(plant) or basic_reason(plant, False)) is not None:
+    if (reason := through_reason(plant) or untold_reason(plant) or basic_reason(plant)) is not None:
         return reason
     if tnl and any(np.any(m.D) for m in plant.modes):
         return f'D is not zero; the new measurement would need the new input. Use method "{classical}".'
@@ -145,10 +142,8 @@ def enclosed_reason(plant) -> str | None:
     return None
 
 
-def basic_reason(plant, told: bool = True) -> str | None:
-    """What stands in the way of any observer with checks of its inputs, ``told`` its mode; None if nothing does."""
-    if told and not plant.switching.known:
-        return UNTOLD
+def basic_reason(plant) -> str | None:
+    """What stands in the way of any observer with checks of its inputs; None if nothing does."""
     if plant.n_y == 0:
         return "the plant has no output, expected at least one measured signal in signals.y."
     for vector in ("x", "u", "y"):

@@ -747,7 +747,6 @@ static void valve_sliding_decide(valve_sliding_state *s, const valve_sliding_in 
             s->age++;
         }
     }
-    (void)valve_sliding_holds(in, s->shown_lo, s->shown_hi, out->r_lo, out->r_hi);
     for (uint32_t i = 0U; i < VALVE_SLIDING_NX; i++)
     {
         out->x_lo[i] = s->shown_lo[i];

@@ -12,11 +12,18 @@ from codegen.observers import GuidedObserver, GuidedTables, Supervision
 from codegen.selection.select import certified
 from codegen.synthesis.guided_tables import guided
 
-from .small_sliding import plant
-from .small_sliding import tables as estimator
+from . import small_sliding
 
 #: Part of A C^+ that L takes, of C^+ that N takes.
-GAINS = {"one input": (0.8, 0.0), "no input, two outputs": (0.3, 0.5), "parameters": (0.3, 0.5)}
+GAINS = {"one input": (0.8, 0.0), "no input, two outputs": (0.3, 0.5), "parameters": (0.3, 0.5),
+         "turned": (0.0, 0.0)}
+#: Of the first plant in other coordinates.
+TURN = {"R": [[1.6, -0.1], [-0.2, 1.5]], "L": [[[0.742], [0.0913]], [[0.767], [0.132]]]}
+
+
+def plant(name: str):
+    """The small plant of that name; in other coordinates it is the first one."""
+    return small_sliding.plant("one input" if name == "turned" else name)
 
 
 @lru_cache
@@ -28,12 +35,15 @@ def told(name: str, real: str):
     measured = [j for j, s in enumerate(p.theta) if s.measured]
     gains = {"L_hi": L, "L_lo": L, "N_hi": N, "N_lo": N, "L_theta": np.zeros((len(A), len(measured), *back.shape)),
              "midpoint": p.reads_both_ends, "late": False, "columns": measured, "split": True}
+    if name == "turned":
+        gains |= {key: np.array(TURN[key[0]]) for key in ("R", "L_hi", "L_lo")}
     return certified(p, gains, {"kind": "none"}, real)
 
 
 @lru_cache
 def tables(name: str, real: str) -> GuidedTables:
-    return guided(GuidedTables, estimator(name, real), told(name, real)[0])
+    own = small_sliding.tables("one input" if name == "turned" else name, real)
+    return guided(GuidedTables, own, told(name, real)[0])
 
 
 def stand_in(name: str = "one input", supervision=None, prefix: str = "") -> Design:

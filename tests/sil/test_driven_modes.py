@@ -38,7 +38,7 @@ def signals(design, name, real, runs=8, steps=60):
 
 @pytest.mark.parametrize("name, real, layout, supervision", [
     ("constant", "float32", "literal", None), ("parameters", "float32", "table", GUARDED),
-    ("hidden", "float64", "loop", None), ("discrete", "float64", "literal", None), ("turned", "float32", "loop", None),
+    ("hidden", "float64", "loop", None), ("discrete", "float64", "literal", None),
     ("turned", "float64", "literal", GUARDED)])
 def test_c_equals_the_reference(name, real, layout, supervision, tmp_path):
     design = stand_in(name, supervision)

@@ -19,9 +19,11 @@ from codegen.observers import Supervision
 GUARDED = Supervision(debounce=(2, 3), latch=False, recover=4, hold=3)
 
 
-def test_c_equals_the_reference(tmp_path):
-    """Without inputs; one with an input is in the gallery."""
-    design, real, layout = stand_in("no input, two outputs", GUARDED), "float32", "loop"
+@pytest.mark.parametrize("name, real, layout", [("no input, two outputs", "float32", "loop"),
+                                                ("turned", "float64", "literal")])
+def test_c_equals_the_reference(name, real, layout, tmp_path):
+    """Without inputs; with one, in other coordinates; one with an input in those of x is in the gallery."""
+    design = stand_in(name, GUARDED)
     u, y, q = signals(design, real, 9, 45)
     reference = design.observer.run_many(u, y, q, real)
     driver = built(design, tmp_path, real, layout)
@@ -63,6 +65,22 @@ def test_mutants_are_noticed(name, reference, tmp_path):
     assert text.count(old) >= 1
     (folder / "valve.c").write_text(text.replace(old, new))
     assert build(folder).run_many(u, y, q).differs(expected)
+
+
+TURNED = {
+    "z of the start": ("if ((!kept) || (s->told_z_lo[i] <= held.z_lo[i]))", "if (s->told_z_lo[i] <= held.z_lo[i])"),
+    "z that does not follow": ("    valve_told_to_z(&held);\n", "")}
+
+
+@pytest.mark.parametrize("name", TURNED)
+def test_mutants_of_other_coordinates_are_noticed(name, tmp_path):
+    design = stand_in("turned")
+    given = signals(design, "float32", 9, 45)
+    folder = write(design, tmp_path / "c", "float32", "table")
+    text, (old, new) = (folder / "valve.c").read_text(), TURNED[name]
+    assert text.count(old) == 1
+    (folder / "valve.c").write_text(text.replace(old, new))
+    assert build(folder).run_many(*given).differs(design.observer.run_many(*given, "float32"))
 
 
 PARAMETERS = {"as it is": ("", ""), "last parameter forgotten": ("= s->told_theta[0];", "= in->theta[0];"),

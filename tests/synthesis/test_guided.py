@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from flint import arb
-from helpers.guided import plant, tables, told
+from helpers.guided import plant, stand_in, tables, told
 from helpers.small_modes import TEXT, exact_course
 from synthesis.test_independent import CHECKER
 
@@ -24,11 +24,13 @@ from codegen.emit import firmware
 from codegen.emit.cprint import literal
 from codegen.errors import CertificateError, DesignError
 from codegen.observers import GuidedObserver, GuidedTables, SlidingObserver, SlidingTables, Supervision
+from codegen.observers import guided as module
 from codegen.plant.load import loads
 from codegen.report.design_words import words_of
 from codegen.synthesis import mode_sliding
 
 GALLERY = CHECKER.parents[2] / "generated" / "valve_sliding_lpv-interval"
+TURNED = module.turned
 NAMES, RUNS, STEPS = ("one input", "no input, two outputs"), 4, 80
 
 
@@ -55,7 +57,8 @@ def lost(name, t, observer=GuidedObserver):
     return bad, out
 
 
-@pytest.mark.parametrize("name, real", [(NAMES[0], "float32"), (NAMES[1], "float64"), ("parameters", "float32")])
+@pytest.mark.parametrize("name, real", [(NAMES[0], "float32"), (NAMES[1], "float64"), ("parameters", "float32"),
+                                        ("turned", "float32")])
 def test_state_is_held_exactly_while_the_decision_is_right(name, real):
     t = tables(name, real)
     bad, out = lost(name, t)
@@ -82,6 +85,18 @@ def test_other_ways_lose_the_state():
     vary = t.told.vary
     for narrow in ({"R": 0 * vary.R}, {"S": 0 * vary.S}):
         assert lost("parameters", replace(t, told=replace(t.told, vary=replace(vary, **narrow))))[0] > 0
+
+
+@pytest.mark.parametrize("part", ["z of the start", "Z", "X", "d_hi"])
+def test_other_coordinates_lose_the_state(part, monkeypatch):
+    """z that is carried on from before a start; maps and offsets that are not those of the tables."""
+    t = tables("turned", "float32")
+    own, c = t.told, t.told.change
+    if part == "z of the start":
+        monkeypatch.setattr(module, "turned", lambda t, moved, x, z: TURNED(t, np.ones_like(moved), x, z))
+    wrong = {"d_hi": {"d_hi": 0 * own.d_hi, "d_lo": 0 * own.d_lo}, "Z": {"change": replace(c, Z=0.9 * c.Z)},
+             "X": {"change": replace(c, X=c.X[::-1])}}.get(part, {})
+    assert lost("turned", replace(t, told=replace(own, **wrong)))[0] > 0
 
 
 def test_parts_go_together():
@@ -208,6 +223,23 @@ def test_the_checker_refuses_what_is_false(key, factor, words, checker):
     with pytest.raises(SystemExit, match=f"refused.*{words}"):
         checker.check_joint(data)
         checker.driven.check_told(data, designed().certificate["float32"], checker.read_plant(CHOSEN))
+
+
+def test_the_checker_reads_other_coordinates(checker):
+    t, cert = tables("turned", "float32").to_dict(), {"told": told("turned", "float32")[1]}
+    known = checker.read_plant(TEXT)
+    checker.check_joint(t)
+    checker.driven.check_told(t, cert, known)
+    made = firmware(stand_in("turned"), "float32", "table")
+    checker.check_source(made["valve.c"], made["valve.h"], t, "valve")
+    with pytest.raises(SystemExit, match="a map is missing"):
+        checker.check_source(made["valve.c"].replace("told_to_z(", "told_z("), made["valve.h"], t, "valve")
+    for key in ("e_hi", "b_lo", "z_hi"):
+        right = t["told"]["change"][key]
+        t["told"]["change"][key] = [0.9 * x for x in right]
+        with pytest.raises(SystemExit, match="refused: .*(offset|range of z)"):
+            checker.driven.check_told(t, cert, known)
+        t["told"]["change"][key] = right
 
 
 @pytest.mark.parametrize("old, new, words", [

@@ -12,8 +12,10 @@ from helpers.kept import KEPT, family_of
 from helpers.small_modes import exact_course, plant, tables
 from synthesis.test_independent import CHECKER
 
+from codegen.certify.mode_certificate import claims_on
 from codegen.certify.mode_claims import Claims
 from codegen.certify.mode_delay import Story
+from codegen.certify.mode_faults import FaultCourse
 from codegen.certify.mode_witness import stated
 from codegen.designs import read_design
 from codegen.observers.mode_set import ModeSet
@@ -44,7 +46,8 @@ def test_every_committed_design_brings_its_multipliers(folder):
     data, _ = data_of(folder)
     for cert in data["certificate"].values():
         names = cert["witnesses"]
-        assert {name.split()[0] for name in names} == {"settled", "begun", "early"}
+        faults = {f"fault0{sign}" for sign in "+-" if "faults" in cert}
+        assert {name.split()[0] for name in names} == {"settled", "begun", "early"} | faults
         assert sum(map(len, names.values())) < 80_000 and all(v.split() for v in names.values())
 
 
@@ -71,6 +74,10 @@ def shorter(key):
     return change
 
 
+def told(key, factor):
+    return lambda cert, t, data: cert["faults"][0].__setitem__(key, cert["faults"][0][key] * factor)
+
+
 def put(key, value):
     return lambda cert, t, data: cert.__setitem__(key, value)
 
@@ -82,6 +89,12 @@ FALSE = {
         lambda cert, t, data: cert.__setitem__("widths", [0.5 * w for w in cert["widths"]]), "wide in row"),
     "ages": (lambda cert, t, data: (cert.__setitem__("ages", 2), t.__setitem__("ages", 2)), "come of age|grow as old"),
     "dwell time": (put("dwell", 21), "dwell time"),
+    "size of a fault": (told("size", 0.98), "may live with a fault"), "after": (told("after", 0.5), "is found"),
+    "too soon": (told("within", 0), "is found"),
+    "fault of other rows": (lambda cert, t, data: data["plant"].__setitem__("toml", data["plant"]["toml"].replace(
+        "Df = [[1]]", "Df = [[0.9]]")), "may live with a fault"),
+    "multipliers of a fault": (lambda cert, t, data: cert["witnesses"].pop(next(
+        n for n in cert["witnesses"] if n.startswith("fault0-"))), "nothing bounds the fault"),
     "plant that stays for less": (lambda cert, t, data: data["plant"].__setitem__("toml", data["plant"]["toml"].replace(
         "minimum_dwell = 1 ", "minimum_dwell = 0.9 ")), "dwell time"),
     "more noise": (scaled("v_hi", 30), "may live|wide"), "more disturbance": (scaled("reach", 40), "may live|wide"),
@@ -93,7 +106,7 @@ FALSE = {
 @pytest.mark.parametrize("name", FALSE)
 def test_refuses_what_is_not_proved(name, checker):
     data, ranges = data_of(TWO)
-    assert checker[0].check(data, "float32", ranges) == "delays hold"
+    assert checker[0].check(data, "float32", ranges) == "delays hold, faults of the sizes told are found"
     refuses(checker, *FALSE[name])
 
 
@@ -138,6 +151,29 @@ def test_rows_are_those_of_the_proof(real, checker):
         for at in rng.choice(len(program.rows), 25, replace=False):
             y = np.eye(1, len(program.rows), int(at))[0]
             mine, theirs = float(program.exactly(y, {})), float(other.bound(blocks, [(int(at), checker[0].F(1))]))
+            assert abs(mine - theirs) <= 2e-5 * (1 + abs(mine)), (story, at)
+
+
+def test_rows_with_a_fault_are_those_of_the_proof(checker):
+    design, rng = read_design(TWO), np.random.default_rng(2)
+    t, cert, p = design.observer.tables["float32"], design.certificate["float32"], bounded(design.plant)
+    claims, widths = claims_on(p, t, cert), np.array(cert["widths"])
+    own, exact = FaultCourse(claims, widths, np.array([-1.0]), 0.5), checker[0].exact
+    sys.path.insert(0, str(CHECKER.parent))
+    hidden = __import__("independent_hidden")
+    sys.path.remove(str(CHECKER.parent))
+    other = hidden.FaultStories(t.to_dict(), list(zip(*(x.tolist() for x in p.limits("x")))), exact(widths.tolist()),
+                                exact([-1.0]), checker[0].F(1, 2))
+    for story in (Story(0, 0, 0), Story(1, 1, 0, -2), Story(0, 0, 1, 0)):
+        first = min(-1, story.born or -1)
+        program, _ = own.told(story, first, 1)
+        given = (story.old, story.new, story.wrong, story.born, story.parent, story.begin)
+        blocks, at_f = other.program(given, first, 1), int(program.fault[0])
+        assert sum(len(right) for _, right in blocks[0]) == len(program.rows)
+        for at in rng.choice(len(program.rows), 40, replace=False):
+            y = np.eye(1, len(program.rows), int(at))[0]
+            mine = float(program.exactly(y, {at_f: 1.0}))
+            theirs = float(other.bound(blocks, [(int(at), checker[0].F(1))], {other.at: checker[0].F(1)}))
             assert abs(mine - theirs) <= 2e-5 * (1 + abs(mine)), (story, at)
 
 

@@ -295,7 +295,7 @@ def test_a_bank_of_given_vertices_is_proved_and_a_foreign_plant_is_not_judged(ch
     m.starts()
     bank.check_words(plant, t, cert, data["proved"]["float64"])
     with pytest.raises(SystemExit) as stopped:
-        bank.read_plant(data["plant"]["toml"].replace("[[vertex]]", '[nonlinear]\npremise = []\n[[vertex]]', 1))
+        bank.read_plant(data["plant"]["toml"].replace("[[vertex]]", "[[vertex]]\noffset = [1, 0, 0]", 1))
     assert stopped.value.code == 2
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import json
+import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,6 +12,7 @@ import numpy as np
 import pytest
 from helpers.small_modes import TEXT
 from scipy.linalg import expm
+from synthesis.test_independent import CHECKER
 
 from codegen.assurance import mode_claims
 from codegen.assurance.claims import Claim
@@ -91,17 +95,76 @@ def test_false_certificates_are_refused(made):
             mode_certificate.check(made.plant, t, cert | {key: cert[key] - 1})
 
 
+@pytest.fixture(scope="module")
+def checked(made):
+    """The independent checker on what design.json would say, with changes."""
+    sys.path.insert(0, str(CHECKER.parent))
+    try:
+        delays = __import__("independent_delays")
+    finally:
+        sys.path.remove(str(CHECKER.parent))
+    whole = json.loads(json.dumps({"plant": {"toml": made.plant.text}, "tables": {"float32": made.t.to_dict()},
+                                   "certificate": {"float32": made.cert}}))
+
+    def check(change=lambda cert, t: None):
+        data = copy.deepcopy(whole)
+        change(data["certificate"]["float32"], data["tables"]["float32"])
+        return delays.check(data, "float32", list(zip(*(x.tolist() for x in made.plant.limits("x")))))
+
+    assert check().startswith("delays hold, those after an alarm too")
+    return check
+
+
+def put(key, value):
+    """Change a number of the certificate by so much."""
+    return lambda cert, t: cert.__setitem__(key, cert[key] + value)
+
+
+def older(cert, t):
+    cert["ages"] = t["ages"] = cert["ages"] - 1
+
+
+def wider(cert, t):
+    for side in ("wide_lo", "wide_hi", "limit"):
+        t[side] = [1.5 * a for a in t[side]]
+
+
+def spoilt(course, what):
+    """The multipliers of some stories are others, or are not there."""
+    def change(cert, t):
+        name = next(n for n in cert["witnesses"] if n.startswith(course))
+        cert["witnesses"].update({name: what}) if what else cert["witnesses"].pop(name)
+    return change
+
+
+FALSE = {"restart": (put("restart", -1), "decision after an alarm"), "calm": (put("calm", -1), "until all holds again"),
+         "calm too soon": (put("calm", -30), "until all holds|not narrow again"),
+         "ages": (older, "after an alarm|gives birth"), "range": (wider, "may live|not narrow|wide"),
+         "restart without": (spoilt("restart", None), "nothing refutes|nothing bounds"),
+         "calm without": (spoilt("calm", None), "nothing refutes"),
+         "nothing of calm": (spoilt("calm", "0 0 1"), "may live")}
+
+
+@pytest.mark.parametrize("name", FALSE)
+def test_the_independent_checker_refuses_other_delays(name, checked):
+    change, words = FALSE[name]
+    with pytest.raises(SystemExit, match=f"refused: .*({words})"):
+        checked(change)
+
+
 def test_restart_has_a_claim_that_a_false_number_breaks(made):
     observer, cert = SimpleNamespace(family="mode"), made.cert
     design = SimpleNamespace(plant=made.plant, observer=observer)
     said = mode_certificate.sentences(made.plant, made.t, cert)
 
     def found(cert):
-        claims = [(begins, make) for begins, make in mode_claims.of_certificate(design, made.t, cert, Claim, (), ())]
+        claims = list(mode_claims.of_certificate(design, made.t, cert, Claim, (), ("exact", "independent")))
         assert len(claims) == len(said) and all(s.startswith(begins) for (begins, _), s in zip(claims, said))
         return next(make(s) for (begins, make), s in zip(claims, said) if begins.startswith("after a reset"))
 
     assert found(cert).id == "restart" and all(m.holds for m in found(cert).margins)
+    assert "independent" in found(cert).checks
+    assert "independent" not in found({k: v for k, v in cert.items() if k != "witnesses"}).checks
     assert not all(m.holds for m in found(cert | {"restart": cert["restart"] - 1}).margins)
     assert not all(m.holds for m in found(cert | {"calm": cert["calm"] - 1}).margins)
 

@@ -214,7 +214,8 @@ def test_script_of_driven_framers_is_about_the_sums_of_the_reference(plant, real
     agree(text, prefix, own, values, real)
 
 
-@pytest.mark.parametrize("plant, real", [("no input, two outputs", "float64"), ("parameters", "float32")])
+@pytest.mark.parametrize("plant, real", [("no input, two outputs", "float64"), ("parameters", "float32"),
+                                         ("turned", "float32")])
 def test_script_of_guided_framers_is_about_the_sums_of_the_reference(plant, real):
     """Pairs as of an estimator; and framers of every mode, with what they expect of y."""
     design, rng = guided.stand_in(plant), np.random.default_rng(6)
