@@ -19,7 +19,7 @@ CASES = {"zonotope": ("no input, two outputs", {"order": 6}, (0.3, 0.5)),
          "box": ("one input", {"set": "interval"}, (0.8, 0.0)),
          "ellipsoid": ("no input, two outputs", {"set": "ellipsoid"}, (0.6, 0.0)),
          "trace": ("one input", {"set": "ellipsoid", "weights": "trace"}, (0.8, 0.0)),
-         "table": ("no input, two outputs", {"tables": "dwell", "rows": 8}, (0.3, 0.5)),
+         "table": ("no input, two outputs", {"tables": "dwell", "rows": 4}, (0.3, 0.5)),
          "parameters": ("parameters", {"set": "interval"}, (0.3, 0.0))}
 
 
