@@ -21,8 +21,9 @@
  *     h = weights at z,  x_hat = z, but its algebraic states are sum of h[j] (P_j z + Q_j u)
  *     r = y - C x_hat,   z+ = sum of h[j] (F_j x_hat + G_j u - K_j r)
  *
- * Algebraic: x_hat[2] spin, x_hat[3] contact. No measurement of them is needed: they are solved from the other states and the
- * inputs at every sample, so that a start value that contradicts the equations does no harm.
+ * Algebraic: x_hat[2] spin, x_hat[3] contact.
+ * No measurement of these is needed: they are solved from the other states and the inputs at every sample,
+ * so that a start value that contradicts the equations does no harm.
  *
  * out->inside is 0 where the estimate has left the ranges that the model was made for: the observer goes on
  * with the nearest weights, and nothing is assured at that sample.
