@@ -89,7 +89,7 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     -------
     Parts
     """
-    m, real, (x, u, y, _) = names.macro, names.real_type, signals
+    m, real, (x, u, *_) = names.macro, names.real_type, signals
     own = mode_parts.parts("mode", t, s, names, signals, layout)
     inner = inner_names(names)
     told = point_parts.parts(t.set, t.told, Supervision(), inner, signals, layout)

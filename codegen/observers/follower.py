@@ -192,7 +192,8 @@ class FollowerObserver(ModeObserver):
         p = np.minimum(self.followed, n_modes - 1)
         older = np.arange(t.ages + 1) > 0
         kept = (self.followed < n_modes) & (now.alive[rows, p] & older).any(axis=-1)
-        point = moved(self.inner, told, p, self.full & measured, (self.x_hat, self.set, self.origin), (self.u, self.y), y)
+        point = (self.x_hat, self.set, self.origin)
+        point = moved(self.inner, told, p, self.full & measured, point, (self.u, self.y), y)
         x, shape, origin, radius = settled(self.inner, told, p, point)
         r = residual(told, p, x, u, y)
         outside = self.inner.judged(told, p, origin, shape, r)[1].any(axis=1) & measured & kept
