@@ -16,6 +16,7 @@ from .certify import (
     driven_certificate,
     follower_certificate,
     guided_certificate,
+    guided_point_certificate,
     mode_certificate,
     set_claims,
     sliding_claims,
@@ -29,6 +30,7 @@ from .observers import (
     DrivenTables,
     FilterTables,
     FollowerTables,
+    GuidedPointTables,
     GuidedTables,
     ModeTables,
     PointTables,
@@ -213,6 +215,8 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
         return mode_certificate.check(bounded(plant), t, cert)
     if isinstance(t, GuidedTables):
         return guided_certificate.check(bounded(plant), plant.observed.modes, t, cert)
+    if isinstance(t, GuidedPointTables):
+        return guided_point_certificate.check(bounded(plant), plant.enclosed.modes, t, cert, limits(plant))
     if isinstance(t, SlidingTables):
         return sliding_claims.check(bounded(plant), t, cert)
     if isinstance(t, FilterTables):

@@ -69,6 +69,27 @@ def sequences(n_modes: int, length: int, switching: tuple[float, float] | None) 
     return np.array(list(every), dtype=int).reshape(-1, length)
 
 
+def covered(plant, sizes: Array) -> Array:
+    """No size of a fault on the state beyond its range: what it does within a period is enclosed for that range alone.
+
+    Parameters
+    ----------
+    plant : Plant
+    sizes : ndarray (n_f, D + 1)
+        By channel and delay.
+
+    Returns
+    -------
+    ndarray (n_f, D + 1)
+        Infinite where nothing is promised.
+    """
+    if plant.kind != "continuous":
+        return sizes
+    inside = np.array([any(np.any(m.Bf[:, j]) for m in plant.modes) for j in range(plant.n_f)], dtype=bool)
+    most = np.where(inside, np.max(np.abs(plant.limits("f")), axis=0), np.inf)
+    return np.where(sizes <= most[:, None], sizes, np.inf)
+
+
 def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
     """Thresholds per fault channel for delays 0..within, worst over admissible mode sequences.
 
@@ -87,12 +108,12 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
         One per channel of ``plant.f``.
     """
     if isinstance(t, PointTables):
-        found = point_detection.thresholds(plant.enclosed, t, cert, within)
+        found = covered(plant, point_detection.thresholds(plant.enclosed, t, cert, within))
         return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
     if isinstance(t, FilterTables):
         calibrated = cert.get("calibration")
         quiet = calibrated and np.array(calibrated["guaranteed"])
-        found = filter_detection.thresholds(plant.enclosed, t, within, quiet)
+        found = covered(plant, filter_detection.thresholds(plant.enclosed, t, within, quiet))
         return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
     if isinstance(t, PolytopicTables):
         found = polytopic_detection.thresholds(plant, t, within, cert.get("calibration"))

@@ -97,11 +97,22 @@ def check_shared(t) -> None:
     if told.change is not None and any(np.any(N) for N in (told.N_lo, told.N_hi)):
         raise CertificateError("certificate: framers in other coordinates read the measurement of the next sample, "
                                "expected N = 0.")
-    for name, sign in (("u_lo", 1), ("u_hi", -1), ("y_lo", 1), ("y_hi", -1)):
-        if np.any(sign * getattr(t, name) < sign * getattr(told, name)):
-            raise CertificateError(f"certificate: {name} is beyond what the framers accept.")
+    check_accepted(t, "framers")
     if np.any(t.x_lo < told.x_lo) or np.any(t.x_hi > told.x_hi) or np.any(np.abs([t.x_lo, t.x_hi]) > told.box):
         raise CertificateError("certificate: the ranges of x are wider than those of the framers.")
+
+
+def check_accepted(t, inner: str) -> None:
+    """Check that what is driven accepts the inputs and measurements that the estimator accepts; ``inner``: its name.
+
+    Raises
+    ------
+    CertificateError
+        Naming what is beyond.
+    """
+    for name, sign in (("u_lo", 1), ("u_hi", -1), ("y_lo", 1), ("y_hi", -1)):
+        if np.any(sign * getattr(t, name) < sign * getattr(t.told, name)):
+            raise CertificateError(f"certificate: {name} is beyond the range of the {inner}.")
 
 
 def rooms(t) -> list[tuple]:

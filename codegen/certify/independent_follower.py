@@ -46,19 +46,34 @@ def check_start(t):
         a >= b for a, b in zip(told["x_hi"], t["x_hi"])), "range of x beyond that of the observer")
 
 
-def check_source(text, header, t, prefix):
-    """The C: functions of the observer hold its numbers, all the others those of an estimator and of a start."""
-    told, real, bare = t["told"], t["real"], re.sub(r"/\*.*?\*/", "", text, flags=re.S)
-    names = r"told_\w+"
-    inner = source.functions(bare, prefix, names)
+def without_observer(bare, t, prefix):
+    """Functions of the observer, whose numbers are those of its tables, and the C without them."""
+    told, real, alone = t["told"], t["real"], r"told_\w+"
+    inner = source.functions(bare, prefix, alone)
     source.check_source(inner, told, f"{prefix}_told", (("whole_range", "whole_range", "x"),))
     if t["set"] == "starts":
         sizes = re.findall(source.TABLE, source.functions(inner, f"{prefix}_told", "set_box"), re.S)
         demand([source.numbers(body, real) for body in sizes] == [source.flat(told["shape"]["sizes"])],
                "the sizes that a start is compared with")
-    outer = bare
-    for piece in re.findall(rf"\n\w[^\n]*{prefix}_{names}\([^;]*?\)\n{{.*?\n}}\n", bare, re.S):
-        outer = outer.replace(piece, "\n")
+    for piece in re.findall(rf"\n\w[^\n]*{prefix}_{alone}\([^;]*?\)\n{{.*?\n}}\n", bare, re.S):
+        bare = bare.replace(piece, "\n")
+    return inner, bare
+
+
+def check_widest(inner, widest, t, prefix):
+    """Half widths from which a start is the whole range."""
+    told, real = t["told"], t["real"]
+    whole = source.functions(inner, f"{prefix}_told", "whole_range")
+    middle = [source.numbers(m, real)[0] for m in re.findall(r"x_hat\[\d+\] = (.*?);", whole)]
+    for wide, c, lo, hi in zip(widest, middle, told["x_lo"], told["x_hi"], strict=True):
+        need = max(F(hi) - c, c - F(lo))
+        demand(need <= wide <= need * (1 + 8 * UNIT[real][0]), "the half widths from which a start is the whole range")
+
+
+def check_source(text, header, t, prefix):
+    """The C: functions of the observer hold its numbers, all the others those of an estimator and of a start."""
+    told, real, bare = t["told"], t["real"], re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+    inner, outer = without_observer(bare, t, prefix)
     start = source.functions(outer, prefix, "start")
     plain = re.sub(source.TABLE, "", start, flags=re.S)
     squares = [F(t["square"]), F(t["floor"])] * t["set"].startswith("ellipsoid")
@@ -66,11 +81,7 @@ def check_source(text, header, t, prefix):
            "the numbers of a start")
     tables = [source.numbers(body, real) for body in re.findall(source.TABLE, start, re.S)]
     demand(tables[:2] == [source.flat(t[k]) for k in ("x_lo", "x_hi")], "the range that bounds are cut to at a start")
-    whole = source.functions(inner, f"{prefix}_told", "whole_range")
-    middle = [source.numbers(m, real)[0] for m in re.findall(r"x_hat\[\d+\] = (.*?);", whole)]
-    for wide, c, lo, hi in zip(tables[2], middle, told["x_lo"], told["x_hi"], strict=True):
-        need = max(F(hi) - c, c - F(lo))
-        demand(need <= wide <= need * (1 + 8 * UNIT[real][0]), "the half widths from which a start is the whole range")
+    check_widest(inner, tables[2], t, prefix)
     demand(tables[3:] in ([], [source.flat(told["shape"].get("Z", []))]), "other coordinates of a start")
     outer = outer.replace(plain_start(outer, prefix), "\n")
     births.check_source(outer, header, t, prefix, {

@@ -204,9 +204,11 @@ def check_design(design):
 
 
 def main(folder, design, record):
-    """Check a folder of an estimator by sliding modes; framers that it guides are handed over."""
-    if any("told" in t for t in design["tables"].values()):
-        return __import__("independent_guided").main(folder, design, record)
+    """Check a folder of an estimator by sliding modes; those that guide another observer are handed over."""
+    told = [t["told"] for t in design["tables"].values() if "told" in t]
+    if told:
+        part = "independent_guided_point" if "shape" in told[0] else "independent_guided"
+        return __import__(part).main(folder, design, record)
     check_design(design)
     text, header = ((folder / f"{record['prefix']}.{end}").read_text() for end in "ch")
     check_source(text, header, design["tables"][record["real"]], record["prefix"])

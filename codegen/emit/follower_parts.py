@@ -89,38 +89,29 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     -------
     Parts
     """
-    m, real, (x, u, y, _) = names.macro, names.real_type, signals
+    m, real, (x, u, *_) = names.macro, names.real_type, signals
     own = mode_parts.parts("mode", t, s, names, signals, layout)
     inner = inner_names(names)
     told = point_parts.parts(t.set, t.told, Supervision(), inner, signals, layout)
-    shape = next(count for name, count in told.lengths if name == "NSHAPE")  # none of a table
-    sizes = {"x_hat": (f"{m}_NX", len(x)), "u": (f"{m}_NU", len(u)), "y": (f"{m}_NY", len(y)),
-             "shape": (f"{m}_NTOLD", shape)}
-    kept = [f for f in told.state.members if f[1] in sizes]
-    vectors = tuple(Copy(f[1], sizes[f[1]][0]) for f in kept)
-    origin = [f for f in told.state.members if f[0] == "uint32_t" and f[1] not in (*CALLS, "mode")]
+    rest = held(told, t, names, signals)
     numbers: list[Member] = [member for member in own.state.members if member[1] in ("box_lo", "box_hi")]
-    numbers += [(real, f"told_{f[1]}", f"[{sizes[f[1]][0]}]", tuple(line.replace(inner.macro, m) for line in f[3]))
-                for f in kept]
+    numbers += rest.members
     numbers += [(real, f"told_{side}", f"[{m}_NX]", (f"{end} bounds of x, of the observer",))
                 for side, end in (("lo", "lower"), ("hi", "upper"))]
     numbers += [member for member in own.state.members if member[1] == "alive"]
-    clear = [f"s->told_{f[1]}[{i}]" for f in kept for i in range(sizes[f[1]][1])]
-    clear += [f"s->told_{side}[{i}]" for side in ("lo", "hi") for i in range(len(x))]
+    clear = rest.clear + [f"s->told_{side}[{i}]" for side in ("lo", "hi") for i in range(len(x))]
     words: list[Word] = [("decided", "0U", "mode of the last answer"),
                          ("followed", f"{m}_MODES", f"mode in which the observer runs; {m}_MODES: none"),
                          ("measured", "0U", "1: the last sample had its measurement")]
-    words += [(f"told_{f[1]}", "0U" if t.by_table else f"{m}_MODES", " ".join(f[3]).replace(inner.macro, m))
-              for f in origin]
+    words += rest.initial
     boxes = next(n for name, n in own.lengths if name == "NSHAPE")
     state = state_layout(names, s, 1, numbers, 2 * boxes + len(clear), clear, words, extra=len(t.Phi))
-    view = _view(own.sets[0], t, names, vectors, tuple(f[1] for f in origin), shape,
-                 render(f"{t.set}.c.jinja", d=_inner(told, t, inner, names, (x, u, y))).rstrip("\n"))
+    view = _view(own.sets[0], t, names, rest, inner_c(told, t, names, u))
     out = (Field(real, "x_hat", f"[{m}_NX]", ("estimate of x at this sample, in out->mode",)), *own.out_fields)
     return replace(own, noun="boxes and estimate", header="follower.h.jinja",
                    self_test="harness/test_follower.c.jinja", state=state, out_fields=out,
                    operations=own.operations + told.operations + _more(t), sets=(view,),
-                   lengths=(*own.lengths, *(("NTOLD", shape),) * bool(shape)))
+                   lengths=(*own.lengths, *(("NTOLD", rest.shape),) * bool(rest.shape)))
 
 
 def inner_names(names: Names) -> Names:
@@ -128,9 +119,20 @@ def inner_names(names: Names) -> Names:
     return replace(names, prefix=f"{names.prefix}_told", macro=f"{names.macro}_TOLD", checked=True)
 
 
-def _inner(told: Parts, t, inner: Names, names: Names, signals: tuple) -> InnerView:
-    """Collect what the inner C prints of the observer."""
-    m, u = inner.macro, signals[1]
+def inner_c(told: Parts, t, names: Names, u: tuple) -> str:
+    """Print the observer without its calls, for an estimator that drives it in the same file.
+
+    Parameters
+    ----------
+    told : Parts
+        Of the observer, by ``inner_names``.
+    t : FollowerTables or GuidedPointTables
+    names : Names
+        Of the estimator.
+    u : tuple of Channel
+    """
+    inner = inner_names(names)
+    m = inner.macro
     sizes = [Size(name, f"{names.macro}_{name}", note) for name, note in (
         ("NX", "states"), *(("NU", "inputs") for _ in u[:1]), ("NY", "outputs"), ("MODES", "modes"))]
     sizes += [Size(f"BIT_{bit.macro}", bit.value, bit.text) for bit in told.bits if bit.macro == "TOGETHER"]
@@ -141,8 +143,58 @@ def _inner(told: Parts, t, inner: Names, names: Names, signals: tuple) -> InnerV
     answers = [f for f in told.out_fields if f.name in ("x_hat", "x_lo", "x_hi", "r", "r_bound")]
     structs = (Struct("state", whole(members, t.real)), Struct("in", whole(given, t.real)),
                Struct("out", tuple(answers)))
-    return InnerView(inner.prefix, m, names.prefix, literal(0.0, t.real), (*sizes, *told.sets[0].sizes), structs,
-                     told.maps, told.cuts, told.whole_range, told.sets)
+    d = InnerView(inner.prefix, m, names.prefix, literal(0.0, t.real), (*sizes, *told.sets[0].sizes), structs,
+                  told.maps, told.cuts, told.whole_range, told.sets)
+    return render(f"{t.set}.c.jinja", d=d).rstrip("\n")
+
+
+@dataclass(frozen=True)
+class Held:
+    """What is kept of an observer in the state of the estimator that drives it.
+
+    Parameters
+    ----------
+    vectors : tuple of Copy
+        Numbers that are lent to it.
+    words : tuple of str
+        Words that are lent to it.
+    members : list of Member
+        Of the vectors, in the state.
+    initial : list of Word
+        Of the words.
+    clear : list of str
+        Numbers that ``clear`` sets to zero.
+    shape : int
+        Numbers of its set.
+    """
+
+    vectors: tuple[Copy, ...]
+    words: tuple[str, ...]
+    members: list[Member]
+    initial: list[Word]
+    clear: list[str]
+    shape: int
+
+    @property
+    def carried(self) -> tuple[Copy, ...]:
+        """Vectors that it gives back."""
+        return tuple(v for v in self.vectors if v.name in ("x_hat", "shape"))
+
+
+def held(told: Parts, t, names: Names, signals: tuple) -> Held:
+    """Lay out what is kept of an observer that is driven; parameters as of ``inner_c``, all signals."""
+    m, macro, (x, u, y, _) = names.macro, inner_names(names).macro, signals
+    shape = next(count for name, count in told.lengths if name == "NSHAPE")  # none of a table
+    sizes = {"x_hat": (f"{m}_NX", len(x)), "u": (f"{m}_NU", len(u)), "y": (f"{m}_NY", len(y)),
+             "shape": (f"{m}_NTOLD", shape)}
+    kept = [f for f in told.state.members if f[1] in sizes]
+    origin = [f for f in told.state.members if f[0] == "uint32_t" and f[1] not in (*CALLS, "mode")]
+    return Held(
+        tuple(Copy(f[1], sizes[f[1]][0]) for f in kept), tuple(f[1] for f in origin),
+        [(names.real_type, f"told_{f[1]}", f"[{sizes[f[1]][0]}]", tuple(line.replace(macro, m) for line in f[3]))
+         for f in kept],
+        [(f"told_{f[1]}", "0U" if t.by_table else f"{m}_MODES", " ".join(f[3]).replace(macro, m)) for f in origin],
+        [f"s->told_{f[1]}[{i}]" for f in kept for i in range(sizes[f[1]][1])], shape)
 
 
 def whole(members: list[Field], real: str) -> tuple[Field, ...]:
@@ -151,8 +203,7 @@ def whole(members: list[Field], real: str) -> tuple[Field, ...]:
     return (*members, *(Field("uint32_t", "spare", "", ("not read",)),) * bool(odd))
 
 
-def _view(mode: ModeView, t, names: Names, vectors: tuple[Copy, ...], words: tuple[str, ...], shape: int,
-          inner: str) -> FollowerView:
+def _view(mode: ModeView, t, names: Names, rest: Held, inner: str) -> FollowerView:
     """Print the tables that join both."""
     m, real = names.macro, t.real
     S = Table("forth", f"[{m}_NX][{m}_NX]", (), tuple(f"{initialiser(row, real)}," for row in t.S_rounded))
@@ -164,13 +215,13 @@ def _view(mode: ModeView, t, names: Names, vectors: tuple[Copy, ...], words: tup
         "turn", f"[{m}_NX][{m}_NX]", (), tuple(f"{initialiser(row, real)}," for row in t.told.shape.Z)),)
     ranges = tuple(vector(name, values) for name, values in (
         ("least", t.x_lo), ("most", t.x_hi), ("widest", t.widest)))
-    size = (Size("NTOLD", f"{shape}U", "numbers of the error set"),) * bool(shape)
+    size = (Size("NTOLD", f"{rest.shape}U", "numbers of the error set"),) * bool(rest.shape)
     return FollowerView(
         **vars(mode) | {"sizes": (*mode.sizes, *size)}, told=inner,
         forth=(S, vector("xi_room", t.xi_room)), told_limit=vector("told_limit", t.told.box),
         range=(*ranges, *turned), middle=literal(0.5, real), grow=literal(t.grow, real),
-        floor=literal(t.floor, real), squares=(literal(t.square, real),) * t.by_squares, turn=turned, copies=vectors,
-        carried=tuple(v for v in vectors if v.name in ("x_hat", "shape")), words=words,
+        floor=literal(t.floor, real), squares=(literal(t.square, real),) * t.by_squares, turn=turned,
+        copies=rest.vectors, carried=rest.carried, words=rest.words,
         reads="&given, " * t.by_table, by_table=(f"{names.prefix}_told_set_box(&held, widest);",) * t.by_table,
         again=" || (!measured) || (s->measured == 0U)" * t.by_table)
 

@@ -17,6 +17,7 @@ from ..observers import (
     DrivenTables,
     FilterTables,
     FollowerTables,
+    GuidedPointTables,
     GuidedTables,
     ModeTables,
     PointTables,
@@ -33,6 +34,7 @@ from . import (
     follower_parts,
     framer_parts,
     guided_parts,
+    guided_point_parts,
     manual,
     mode_parts,
     point_parts,
@@ -243,6 +245,7 @@ def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
             follower_parts.parts if isinstance(t, FollowerTables) else
             mode_parts.parts if isinstance(t, ModeTables) else
             guided_parts.parts if isinstance(t, GuidedTables) else
+            guided_point_parts.parts if isinstance(t, GuidedPointTables) else
             sliding_parts.parts if isinstance(t, SlidingTables) else
             point_parts.parts if isinstance(t, PointTables) else framer_parts.parts)
     return make(design.observer.family, t, s, names, signals, layout)

@@ -14,6 +14,7 @@ from .filter import FilterObserver, FilterTables
 from .follower import FollowerObserver, FollowerTables, FollowerTrace
 from .framer import FramerTables, Variation
 from .guided import GuidedObserver, GuidedTables
+from .guided_point import GuidedPointObserver, GuidedPointTables, GuidedPointTrace
 from .interval import IntervalObserver
 from .loose_filter import LooseFilter
 from .mode_observer import ModeObserver, ModeTrace
@@ -38,15 +39,16 @@ FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": Zonoto
             "ellipsoid": EllipsoidObserver, "box": BoxObserver, "ellipsoid_trace": EllipsoidTraceObserver,
             "filter": FilterObserver, "mode": ModeObserver, "driven": DrivenObserver, "follower": FollowerObserver,
             "polytopic": PolytopicObserver, "descriptor": DescriptorObserver, "bank": BankObserver,
-            "sliding": SlidingObserver, "guided": GuidedObserver, "trailing": TrailingObserver}
+            "sliding": SlidingObserver, "guided": GuidedObserver, "guided_point": GuidedPointObserver,
+            "trailing": TrailingObserver}
 
 __all__ = ["FAMILIES", "BankObserver", "BankTables", "BankTrace", "BlockObserver", "BlockTables", "BoxObserver",
            "BoxTables", "Coordinates", "DescriptorObserver", "DescriptorTables", "DrivenObserver", "DrivenTables",
            "EllipsoidObserver", "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables",
            "FilterTrace", "FollowerObserver", "FollowerTables", "FollowerTrace", "FramerTables", "GuidedObserver",
-           "GuidedTables", "IntervalObserver", "LooseFilter", "ModeObserver", "ModeTables", "ModeTrace",
-           "PointObserver", "PointTables", "PointTrace", "PolytopicObserver", "PolytopicTables", "PolytopicTrace",
-           "Runner", "ScheduleObserver", "ScheduleTables", "SlidingObserver", "SlidingTables", "SlidingTrace",
-           "StartObserver", "StartTables", "Supervision", "ThresholdObserver", "ThresholdTables", "TnlObserver",
-           "Trace", "TraceTables", "TrailingObserver", "TrailingTables", "TrailingTrace", "Variation",
-           "ZonotopeObserver", "ZonotopeTables"]
+           "GuidedPointObserver", "GuidedPointTables", "GuidedPointTrace", "GuidedTables", "IntervalObserver",
+           "LooseFilter", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
+           "PolytopicObserver", "PolytopicTables", "PolytopicTrace", "Runner", "ScheduleObserver", "ScheduleTables",
+           "SlidingObserver", "SlidingTables", "SlidingTrace", "StartObserver", "StartTables", "Supervision",
+           "ThresholdObserver", "ThresholdTables", "TnlObserver", "Trace", "TraceTables", "TrailingObserver",
+           "TrailingTables", "TrailingTrace", "Variation", "ZonotopeObserver", "ZonotopeTables"]

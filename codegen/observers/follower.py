@@ -25,22 +25,14 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from .box import BoxObserver
-from .ellipsoid import EllipsoidObserver
-from .ellipsoid_trace import EllipsoidTraceObserver
+from .inner import SETS, alone, begun, chosen, moved, settled
 from .mode_observer import ModeObserver, ModeTrace, expected, merged
 from .mode_set import ModeSet, ModeState, image
 from .mode_tables import ModeTables
-from .point import PointObserver, PointTables, blind, centred, forward, residual
-from .starts import StartObserver
-from .supervisor import Supervision, judge, undisturbed
-from .zonotope import ZonotopeObserver
+from .point import PointObserver, PointTables, centred, residual
+from .supervisor import judge, undisturbed
 
 Array = np.ndarray
-#: Sets that start from any box at run time; of tables those that are made for it.
-SETS = {"zonotope": ZonotopeObserver, "box": BoxObserver, "ellipsoid": EllipsoidObserver,
-        "ellipsoid_trace": EllipsoidTraceObserver, "starts": StartObserver}
-
 
 @dataclass(frozen=True)
 class FollowerTables(ModeTables):
@@ -81,7 +73,7 @@ class FollowerTables(ModeTables):
     @property
     def alone(self) -> PointObserver:
         """The observer that is told its mode, by itself."""
-        return SETS[self.set]({self.real: self.told}, Supervision())
+        return alone(self.told, self.set)
 
     @property
     def by_table(self) -> bool:
@@ -200,14 +192,9 @@ class FollowerObserver(ModeObserver):
         p = np.minimum(self.followed, n_modes - 1)
         older = np.arange(t.ages + 1) > 0
         kept = (self.followed < n_modes) & (now.alive[rows, p] & older).any(axis=-1)
-        full, last = self.full & measured, told.origins - 1
-        with_y = (forward(told, p, self.x_hat, self.u, self.y, y),
-                  self.inner.moved(told, p, p, self.origin, self.set, True), p if last else np.zeros_like(p))
-        without = (blind(told, p, self.x_hat, self.u),
-                   self.inner.moved(told, p, p, self.origin, self.set, False), np.full_like(p, last))
-        x, shape, origin = chosen(full, with_y, without)
-        radius = self.inner.radius(told, p, origin, shape)
-        x, shape, origin, radius = self.settled(told, p, x, shape, origin, radius)
+        point = (self.x_hat, self.set, self.origin)
+        point = moved(self.inner, told, p, self.full & measured, point, (self.u, self.y), y)
+        x, shape, origin, radius = settled(self.inner, told, p, point)
         r = residual(told, p, x, u, y)
         outside = self.inner.judged(told, p, origin, shape, r)[1].any(axis=1) & measured & kept
         own = np.clip(x - radius, -told.box, told.box), np.clip(x + radius, -told.box, told.box)
@@ -218,17 +205,6 @@ class FollowerObserver(ModeObserver):
         apart = kept & ~np.all(lo[rows, p] <= hi[rows, p], axis=-1)
         now.alive[rows, p] &= ~(apart[:, None] & older)
         return now, np.where(kept & ~apart, p, n_modes), (x, shape, origin), own
-
-    def settled(self, told: PointTables, p: Array, x: Array, shape: Array, origin: Array, radius: Array):
-        """Start again from the declared range where the set is beyond its limits, as the observer that is told."""
-        grown = ~self.inner.fits(told, x, radius)
-        x, shape, origin = chosen(grown, self.anywhere(told, len(x)), (x, shape, origin))
-        return x, shape, origin, np.where(grown[:, None], self.inner.radius(told, p, origin, shape), radius)
-
-    def anywhere(self, told: PointTables, runs: int) -> tuple[Array, Array, Array]:
-        """Estimate, set and origin of the declared range."""
-        centre, half = (np.broadcast_to(a, (runs, len(a))) for a in centred(told.x_lo, told.x_hi, told.dtype))
-        return centre, self.inner.whole(told, half), np.full(runs, told.origins - 1)
 
     def started(self, t: FollowerTables, lo: Array, hi: Array) -> tuple[Array, Array, Array]:
         """Estimate, set and origin from bounds of x (S, n_x), cut to the declared range; its own if as wide."""
@@ -245,20 +221,13 @@ class FollowerObserver(ModeObserver):
             shape = self.inner.begun(t.told, half)
         else:
             shape = self.inner.whole(t.told, half)
-        whole = self.anywhere(t.told, len(x))
-        if t.by_table:
-            whole = whole[0], self.inner.begun(t.told, np.broadcast_to(t.widest, half.shape)), whole[2]
+        whole = begun(self.inner, t.told, len(x))
         return chosen((half > t.widest).any(axis=1), whole, (x, shape, np.full(len(x), t.told.origins - 1)))
 
     def reset(self, t: FollowerTables, on: Array) -> None:
         """Restart the runs in ``on`` from the declared ranges, alarms cleared (``<p>_reset``)."""
         super().reset(t, on)
         self.followed = np.where(on, t.sizes[0], self.followed)
-
-
-def chosen(which: Array, one: tuple, other: tuple) -> tuple:
-    """The first estimate, set and origin for the runs in ``which``, the second ones for the others."""
-    return tuple(np.where(which.reshape(-1, *[1] * (a.ndim - 1)), a, b) for a, b in zip(one, other))
 
 
 def narrow(t: FollowerTables, now: ModeState, rows: Array, p: Array, kept: Array, lo: Array, hi: Array) -> None:

@@ -13,6 +13,7 @@ from ..observers import (
     DrivenTables,
     FilterTables,
     FollowerTables,
+    GuidedPointTables,
     GuidedTables,
     ModeTables,
     PointTables,
@@ -124,6 +125,9 @@ def gains(design, real: str) -> tuple[Folded, ...]:
         return mode_words.gains(design, real, _matrix)
     if isinstance(t, GuidedTables):
         return (*_framers(t.told, design.plant),
+                *sliding_words.gains(design, real, _matrix, "The mode estimator: "))
+    if isinstance(t, GuidedPointTables):
+        return (*point_words.gains(design, real, _matrix, t.told),
                 *sliding_words.gains(design, real, _matrix, "The mode estimator: "))
     if isinstance(t, SlidingTables):
         return sliding_words.gains(design, real, _matrix)

@@ -90,7 +90,7 @@ def purpose(design) -> str:
     if is_unproved(design, plant.target.real):
         modes = words.listed(m.name for m in plant.modes)
         bounds = (f"; in that mode it answers with bounds on {words.listed(s.name for s in plant.x)}, and raises an "
-                  "alarm where the measurements contradict it") * (design.observer.family == "guided")
+                  "alarm where the measurements contradict it") * (design.observer.family in ("guided", "guided_point"))
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
                 f"reads {outputs} and decides which of the modes {modes} is active, without a guarantee{bounds}.")
     if is_bank(design, plant.target.real):

@@ -391,8 +391,8 @@ def finish(plant: Plant, trials: list[Trial], options: dict, progress: Callable[
     choice = [t.summary(plant) for t in trials]
     choice[0]["chosen"] = True
     if not plant.switching.known:
-        make = (modes.followed if METHODS[best.method].sets else
-                sliding.guided if options.get("modes") == "sliding" else modes.driven)
+        ways = ((modes.driven, modes.followed), (sliding.guided, sliding.guided_point))
+        make = ways[options.get("modes") == "sliding"][METHODS[best.method].sets]
         return make(plant, best.method, tables, certs, choice, options, progress)
     family = best.cert.get("set") or METHODS[best.method].family_for(plant)
     observer = FAMILIES[family](tables, supervision(plant, certs[plant.target.real]))

@@ -1,4 +1,4 @@
-"""From a plant whose mode nobody tells to a bank of sliding modes, alone or guiding framers: certified, measured."""
+"""From a plant whose mode nobody tells to a bank of sliding modes, alone, or guiding framers or a point observer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ..analysis.sliding_measure import measured, paced
 from ..certify import sliding_claims
 from ..designs import Design
 from ..errors import CertificateError, DesignError
-from ..observers import GuidedObserver, GuidedTables, SlidingObserver, SlidingTables, Supervision
+from ..observers import GuidedObserver, GuidedPointObserver, SlidingObserver, SlidingTables, Supervision
 from ..plant.bounded import bounded
 from ..plant.model import Plant
 from ..synthesis.guided_tables import guided as joined
@@ -73,14 +73,52 @@ def guided(plant: Plant, name: str, told: dict, proofs: dict, choice: list, opti
     DesignError, CertificateError
         As ``designed``.
     """
+    return joint(GuidedObserver, {}, plant, name, told, proofs, choice, options, progress)
+
+
+def guided_point(plant: Plant, name: str, told: dict, proofs: dict, choice: list, options: dict,
+                 progress: Callable[[str], None]) -> Design:
+    """A point observer that is told its mode, in the mode that the sliding modes decide for; as ``guided``.
+
+    Raises
+    ------
+    DesignError, CertificateError
+        As ``designed``.
+    """
+    family = {"set": next(iter(proofs.values()))["set"]}
+    return joint(GuidedPointObserver, family, plant, name, told, proofs, choice, options, progress)
+
+
+def joint(observer: type, more: dict, plant: Plant, name: str, told: dict, proofs: dict, choice: list, options: dict,
+          progress: Callable[[str], None]) -> Design:
+    """The estimator with what it guides: in one table, certified, measured.
+
+    Parameters
+    ----------
+    observer : type
+        Of ``observers``.
+    more : dict
+        Fields of its tables beside "told".
+    plant, name, told, proofs, choice, options, progress
+        As of ``guided``.
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    DesignError, CertificateError
+        As ``designed``.
+    """
     tables, certs, _ = both(plant, options, lambda text: progress(f"{name}: {text}"))
     shared = [real for real in tables if real in told]
-    tables = {r: joined(GuidedTables, tables[r], told[r]) for r in shared}
+    tables = {r: joined(observer.tables_class, tables[r], told[r], **more) for r in shared}
     progress(f"{name}: false alarms, measured")
     real = plant.target.real
-    cells = paced(plant, GuidedObserver({real: tables[real]}, supervision_of(plant)), real)
+    cells = paced(plant, observer({real: tables[real]}, supervision_of(plant)), real)
     certs = {r: certs[r] | {"told": proofs[r], "paced": cells} for r in shared}
-    return assembled(plant, name, GuidedObserver.family, tables, certs, choice, options, assures=False)
+    return assembled(plant, name, observer.family, tables, certs, choice, options, assures=False)
 
 
 def supervision_of(plant: Plant) -> Supervision:

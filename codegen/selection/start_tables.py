@@ -26,8 +26,9 @@ def chosen(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     gains : dict
         "L", "N", "kind".
     options : dict
-        "directions" (for two outputs: spread evenly, 8 unless told); "stages", sizes of a start and one more; "rows",
-        else the fewest after which all thresholds are within a tenth of those of no error at the start.
+        "directions" (for two outputs: spread evenly, 8 unless told); "stages", sizes of a start and one more, else
+        ``SIZES``, of sliding modes one; "rows", else the fewest after which all thresholds are within a tenth of those
+        of no error at the start.
     dwell : int
         Not read: the table is for one mode at a time.
 
@@ -40,8 +41,9 @@ def chosen(plant: Plant, gains: dict, options: dict, dwell: int) -> dict:
     DesignError
         The errors of some mode grow.
     """
+    sizes = 1 if options.get("modes") == "sliding" else SIZES  # there every start is from the declared range
     tried = {"directions": compared(plant, gains, options), "limit": np.zeros(plant.n_x), "set": "starts",
-             "sizes": int(options.get("stages", SIZES + 1)) - 1}
+             "sizes": int(options.get("stages", sizes + 1)) - 1}
     for rows in (int(options["rows"]),) if "rows" in options else ROWS:
         tried |= {"rows": rows}
         t, least = with_starts(plant, gains | tried, "float64")

@@ -140,7 +140,7 @@ SETS = {"set": ("zonotope", "ellipsoid", "interval"), "order": (2, 200),
         "directions": (2, 64), "weights": ("fixed", "trace"),
         "membership": ("auto", "exact", "directions"), "gains": dict}
 #: Options of those among them that find the mode themselves.
-FINDING = {"modes": ("set",), **mode_set.OPTIONS}
+FINDING = {"modes": ("set", "sliding"), **mode_set.OPTIONS, **mode_sliding.OPTIONS}
 
 
 def known_options(methods: list[str]) -> dict:

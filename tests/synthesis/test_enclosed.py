@@ -13,9 +13,10 @@ from helpers.points import gains_of
 from synthesis.test_independent import run
 
 import codegen
+from codegen.analysis import detectability
 from codegen.analysis.detectability import surely_detected
 from codegen.assurance.claims import claims
-from codegen.designs import Design, claims_of
+from codegen.designs import Design, _recheck_detection, claims_of
 from codegen.errors import CertificateError
 from codegen.observers import FAMILIES, Supervision
 from codegen.plant.continuous import advance
@@ -78,7 +79,7 @@ v = "corner"
 """
 WORN = TEXT.replace('v = [{ name = "noise"', 'theta = [{ name = "wear", bounds = [-0.2, 0.3], measured = false }]\n'
                     'v = [{ name = "noise"').replace("A = [[-2, 1], [1, -4]]", 'A = [["-2 - wear", 1], [1, -4]]')
-PLANT = loads(TEXT)
+PLANT, WITHIN = loads(TEXT), 1
 SETS = {"zonotope": {"order": 6}, "box": {"set": "interval"}, "ellipsoid": {"set": "ellipsoid"},
         "trace": {"set": "ellipsoid", "weights": "trace"}, "dwell": {"tables": "dwell", "rows": 6, "stages": 3},
         "schedule": {"tables": "schedule", "rows": 6}, "arbitrary": {"tables": "arbitrary", "rows": 4, "order": 4}}
@@ -169,7 +170,7 @@ def made(name: str, reals=("float32",)) -> Design:
     t, certs = ({real: tables(name, real)[i] for real in reals} for i in (0, 1))
     proved = {real: claims_of(PLANT, t[real], certs[real]) for real in reals}
     faults = [{"channel": f.channel, "unit": f.unit, "by_delay": list(f.by_delay)}
-              for f in surely_detected(PLANT, t["float32"], certs["float32"], 1)]
+              for f in surely_detected(PLANT, t["float32"], certs["float32"], WITHIN)]
     return Design(PLANT, "zonotope", FAMILIES[certs["float32"]["set"]](t, Supervision()), certs, proved,
                   dict.fromkeys(reals, faults))
 
@@ -225,6 +226,36 @@ def test_promised_faults_are_found():
             assert not trace.alarm[:24].any() and trace.alarm[24:26].any()
 
 
+def ranged(plant, size: float):
+    """The same plant with another range of the fault on the state."""
+    return replace(plant, f=(plant.f[0], replace(plant.f[1], lo=-size, hi=size / 2)))
+
+
+def sizes_of(design: Design, plant) -> list[float]:
+    """Promised sizes of both faults at the longest delay, where a sensor's range is tiny."""
+    plant = replace(plant, f=(replace(plant.f[0], lo=-1e-6, hi=1e-6), plant.f[1]))
+    cert = design.certificate["float32"]
+    return [f.best for f in surely_detected(plant, design.observer.tables["float32"], cert, WITHIN)]
+
+
+@pytest.mark.parametrize("name", ["dwell", "filter"])
+def test_no_size_beyond_the_range_is_promised(name, monkeypatch):
+    """What a fault on the state does within a period is enclosed for its range; one on a sensor has no such limit."""
+    design = made(name) if name == "dwell" else filtered()
+    with monkeypatch.context() as patch:
+        patch.setattr(detectability, "covered", lambda plant, sizes: sizes)
+        sensor, size = sizes_of(design, design.plant)
+        design = replace(design, detection={"float32": [
+            {"channel": f.name, "by_delay": [None] * WITHIN + [s]} for f, s in zip(design.plant.f, (sensor, size))]})
+    assert np.isfinite(size)
+    assert sizes_of(design, ranged(design.plant, 1.2 * size)) == pytest.approx([sensor, size], rel=0.3)
+    narrow = ranged(design.plant, 0.8 * size)
+    assert np.isfinite(sizes_of(design, narrow)).tolist() == [True, False]
+    with pytest.raises(CertificateError, match="clog is claimed to be found"):
+        _recheck_detection(narrow, design.observer.tables["float32"], design.certificate["float32"],
+                           design.detection["float32"])
+
+
 def whole(design: Design, folder):
     """The folder of a design of one number type."""
     write(design, folder)
@@ -256,11 +287,17 @@ def test_the_independent_checker_encloses_it_again(tmp_path):
     assert "measured" in run(folder).stderr
 
 
+@lru_cache
+def filtered() -> Design:
+    """A filter of a plant that wears."""
+    text = WORN.replace("minimum_dwell = 0.3\n", "").replace('"zonotope"', '"hinf-filter"\nset_rows = 20')
+    return codegen.design(loads(text))
+
+
 def test_a_filter(tmp_path):
     """Of a plant that wears: no alarm without faults; the checker agrees, but not of more wear."""
-    plant = loads(WORN.replace("minimum_dwell = 0.3\n", "").replace('"zonotope"', '"hinf-filter"\nset_rows = 20'))
-    design = codegen.design(plant)
-    sizes = design.detection["float32"]
+    design = filtered()
+    plant, sizes = design.plant, design.detection["float32"]
     assert any("between samples" in line for line in design.proved["float32"]) and sizes[0]["by_delay"][-1] < 1
     truth = simulate(plant, "slow", seed=1)
     trace = design.observer.run(truth.u, truth.y, truth.q)
