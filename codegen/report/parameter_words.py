@@ -93,6 +93,11 @@ def between(plant: Plant) -> str:
     return "; ".join([*parts, *([f"the mode changes {when}"] if plant.n_modes > 1 else []), *free])
 
 
+def of_a_step(plant: Plant) -> str:
+    """Say of which equation A and B are in constants of the C; nothing of a discrete plant, which has but one."""
+    return ", with A and B of a step from sample to sample" if plant.kind == "continuous" else ""
+
+
 def assumed(plant: Plant) -> tuple[str, ...]:
     """State what is assumed of parameters and of the time between samples."""
     items = []

@@ -20,6 +20,8 @@ from .table import Cell, Plot, Row, Table, table
 Array = np.ndarray
 SAMPLES = 100  # that curves over time show
 MOST_OUTPUTS = 3
+OF_STEPS = (" It is exact for the discrete plant that encloses this one at its samples, where what a disturbance does "
+            "within a sample beyond its mean is one of its own for each state.")
 QUIET = 2.0  # times as large as before the fault: beyond it a set has started anew
 
 
@@ -187,7 +189,7 @@ def _about(design, w: Watched, stop: int) -> str:
     return ("Disturbance and noise move the residual even where nothing is wrong. Where they can move it to is known "
             "beforehand: it depends on the modes alone. The exact set is what they can reach with these gains; the set "
             "of the firmware holds it, and is larger by what bounded arithmetic costs. Both are shown along scenario "
-            f"“{w.outcome.scenario.name}”{part}.")
+            f"“{w.outcome.scenario.name}”{part}." + (OF_STEPS if design.plant.kind == "continuous" else ""))
 
 
 def _areas(design, w: Watched, index: Array) -> tuple[Plot, str]:
