@@ -219,7 +219,7 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
     if isinstance(t, SlidingTables):
         return sliding_claims.check(bounded(plant), t, cert)
     if isinstance(t, FilterTables):
-        return filter_designs.check(plant, t, cert) + between_samples(plant, OF_A_STEP)
+        return filter_designs.check(plant, t, cert) + between_samples(plant)
     if isinstance(t, PolytopicTables):
         return (polytopic_designs if t.law is None else tracking_designs).check(plant, t, cert)
     if isinstance(t, BankTables):
