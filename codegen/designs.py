@@ -45,8 +45,8 @@ from .selection import bank_claims, filter_designs, polytopic_designs, tracking_
 
 FORMAT = 1
 #: Of claims about the discrete plant that encloses a continuous one.
-OF_A_STEP = ("; where it is about disturbances, these are the mean of each over a period, and for each state one that "
-             "holds all else")
+OF_A_STEP = ("; disturbances of the tables are the mean of each over a period, what parameters do, and for each state "
+             "one that holds all else")
 
 
 @dataclass(frozen=True)

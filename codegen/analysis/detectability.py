@@ -88,12 +88,12 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
     """
     if isinstance(t, PointTables):
         found = point_detection.thresholds(plant.enclosed, t, cert, within)
-        return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
+        return [SureFault(f.name, f.unit, in_range(plant, j, row)) for j, (f, row) in enumerate(zip(plant.f, found))]
     if isinstance(t, FilterTables):
         calibrated = cert.get("calibration")
         quiet = calibrated and np.array(calibrated["guaranteed"])
         found = filter_detection.thresholds(plant.enclosed, t, within, quiet)
-        return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
+        return [SureFault(f.name, f.unit, in_range(plant, j, row)) for j, (f, row) in enumerate(zip(plant.f, found))]
     if isinstance(t, PolytopicTables):
         found = polytopic_detection.thresholds(plant, t, within, cert.get("calibration"))
         return [SureFault(f.name, f.unit, tuple(map(float, row))) for f, row in zip(plant.f, found)]
@@ -120,6 +120,18 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
     # Delays that were too many to look at: what is found by an earlier one is found by then too.
     return [SureFault(f.name, f.unit, tuple(float(by[min(d, len(by) - 1)]) for d in range(len(infinite))))
             for f, by in zip(plant.f, result)]
+
+
+def in_range(plant, j: int, sizes: Array) -> tuple[float, ...]:
+    """Sizes of a fault; inf beyond its range where it acts on the state of a continuous plant.
+
+    What such a fault does within a period is enclosed for its declared range alone. From a size in it on all is well:
+    a fault twice as large has twice the effect, and what is kept for it need not be more than twice as large.
+    """
+    most = np.inf
+    if plant.kind == "continuous" and any(np.any(m.Bf[:, j]) for m in plant.modes):
+        most = max(abs(plant.f[j].lo), abs(plant.f[j].hi))
+    return tuple(float(size) if size <= most else np.inf for size in sizes)
 
 
 def limited(cert: dict) -> tuple[float, float] | None:

@@ -35,8 +35,9 @@ def parameter_tables(plant: Plant) -> tuple[Table, ...]:
         for (lo, hi), mode in zip(limits, where):
             rows.append((s.name, words.interval(lo, hi, s.unit), mode,
                          known if s.measured else "no", _rate(s) if np.isfinite(s.rate) else "any: it may jump"))
+    often = "sample" if plant.kind == "discrete" else "instant"
     notes = ("A measured parameter is an input of the firmware (in->theta); a value beyond its bounds, error included, "
-             "is refused. One that is not measured may be anything within its bounds, and another at every sample.",)
+             f"is refused. One that is not measured may be anything within its bounds, and another at every {often}.",)
     return (table("Parameters of the matrices", ("theta", "bounds", "where", "measured", "fastest change"), rows,
                   notes),) if rows else ()
 

@@ -246,9 +246,10 @@ def _others(design, w: Watched, index: Array) -> tuple[Table, ...]:
         rows.append(Row((Cell(c.name or own(design)),
                          *(Cell(text, "num") for text in figures)), "" if c.name else "chosen"))
     where = f"{DIRECTIONS} directions" if plant.n_y == 2 else "each output"
+    sampled = ", found from points of its edge and so a little too small" if plant.n_y == 2 else ""
     notes = (f"Thresholds over those of the exact set, in {where}, along the modes of the scenario; the first quarter "
-             "is left out. The first row is the firmware, rounding included. The others are computed in double "
-             f"precision with its gains; the tables know that a mode lasts at least "
+             f"is left out. The first row is the firmware, rounding included{sampled}. The others are computed in "
+             f"double precision with its gains; the tables know that a mode lasts at least "
              f"{words.count(least_dwell(plant), 'sample')}. What each finds and costs as firmware of its own: "
              "residua compare.",)
     return (table("The same gains with other sets", ("set", "#mean over exact", "#worst over exact"), rows, notes),)

@@ -225,6 +225,16 @@ def test_promised_faults_are_found():
             assert not trace.alarm[:24].any() and trace.alarm[24:26].any()
 
 
+def test_no_size_beyond_its_range_is_promised_of_a_fault_on_the_state():
+    """What it does within a period is enclosed for its range; the sensor's fault does nothing there."""
+    t, cert = tables("zonotope")
+    for ranges, finite in ((("[-3, 3]", "[-2, 2]"), True), (("[-0.001, 0.001]", "[-0.001, 0.001]"), False)):
+        text = TEXT.replace('"sensor", range = [-3, 3]', f'"sensor", range = {ranges[0]}')
+        plant = loads(text.replace('"clog", range = [-2, 2]', f'"clog", range = {ranges[1]}'))
+        sensor, clog = (f.best for f in surely_detected(plant, t, cert, 2))
+        assert 0.001 < sensor < 2 and (0.001 < clog < 2 if finite else np.isinf(clog))
+
+
 def whole(design: Design, folder):
     """The folder of a design of one number type."""
     write(design, folder)
