@@ -247,7 +247,8 @@ def _not_guaranteed(design, real: str) -> tuple[str, ...]:
                else bank_words.LIMITS if is_bank(design, real)
                else trailing_words.LIMITS if is_trailing(design, real) else _limits(design, point)),
              "Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
-             "with the observer settled before it.", *parameter_words.not_guaranteed(design.plant)]
+             "with the observer settled before it.", *parameter_words.not_guaranteed(
+                 design.plant, "thresholds" if is_filter(design, real) else "state bounds")]
     if debounce != (1, 1):
         items.append("The delays below for the debounced alarm: they count to the first sample outside its bounds; the "
                      f"alarm itself wants {debounce[0]} of {debounce[1]} samples.")

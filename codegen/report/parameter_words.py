@@ -127,8 +127,8 @@ def detector_words(plant: Plant) -> str:
             "this one for the bounds and the other for the alarm.")
 
 
-def not_guaranteed(plant: Plant) -> tuple[str, ...]:
-    """State what parameters and sampling leave open."""
+def not_guaranteed(plant: Plant, what: str = "state bounds") -> tuple[str, ...]:
+    """State what parameters and sampling leave open; ``what`` the firmware answers with."""
     items = []
     if any(not s.measured for s in plant.theta):
         names = words.listed(s.name for s in plant.theta if not s.measured)
@@ -140,5 +140,5 @@ def not_guaranteed(plant: Plant) -> tuple[str, ...]:
         items.append("Anything while a measured parameter is off by more than its error"
                      f"{' or moves faster than its rate' if rates else ''}: at run time only its bounds are checked.")
     if plant.kind == "continuous":
-        items.append("The state bounds between samples. They hold at the samples.")
+        items.append(f"The {what} between samples. They hold at the samples.")
     return tuple(items)
