@@ -180,7 +180,7 @@ static void starts(void)
     /*@ assert box: least.shape[1] <= again.shape[1] <= most.shape[1]; */
 }
 
-/* The modes apart, of the last sample and of this one; the last round has every value that is no mode. */
+/* Modes, if any, apart: of the last sample and of this one; the last round has every value that is no mode. */
 static void calls(void)
 {
     kiln_state s;
