@@ -46,6 +46,9 @@ from .plant.model import Plant
 from .selection import bank_claims, filter_designs, polytopic_designs, tracking_designs, trailing_claims
 
 FORMAT = 1
+#: Of claims about the discrete plant that encloses a continuous one.
+OF_A_STEP = ("; disturbances of the tables are the mean of each over a period, what parameters do, and for each state "
+             "one that holds all else")
 
 
 @dataclass(frozen=True)
@@ -226,17 +229,17 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
     if isinstance(t, BankTables):
         return bank_claims.check(plant, t, cert)
     if isinstance(t, PointTables):
-        return set_claims.check(plant.enclosed.modes, t, cert) + between_samples(plant)
+        return set_claims.check(plant.enclosed.modes, t, cert) + between_samples(plant, OF_A_STEP)
     return check(plant.observed.modes, t, cert) + between_samples(plant)
 
 
-def between_samples(plant: Plant) -> list[str]:
-    """What is claimed of the time between the samples of a continuous plant."""
+def between_samples(plant: Plant, more: str = "") -> list[str]:
+    """What is claimed of the time between the samples of a continuous plant, and what its step's disturbances are."""
     if plant.kind != "continuous":
         return []
     return [f"between samples, {plant.sample_period:g} s apart, disturbances and parameters may move as they like "
             "within their bounds and rates: the tables enclose the continuous plant at the samples (the transition "
-            "over a period, recomputed in ball arithmetic at each check)"]
+            f"over a period, recomputed in ball arithmetic at each check){more}"]
 
 
 def recheck(design: Design) -> dict[str, list[str]]:

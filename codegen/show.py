@@ -131,8 +131,9 @@ def _parameters(p: Plant) -> Table:
 def between(p: Plant) -> str:
     """Say what a continuous plant may do between samples."""
     inputs = [f"{s.name} moves by at most {number(s.rate)} {s.unit}/s" if s.rate else f"{s.name} is held" for s in p.u]
-    return "; ".join([*inputs, f"the mode changes {'at samples only' if p.switching.known else 'at any instant'}",
-                      "disturbances and parameters move as they like"])
+    switches = [f"the mode changes {'at samples only' if p.switching.known else 'at any instant'}"] * (p.n_modes > 1)
+    moving = [what for what, some in (("disturbances", p.w), ("parameters", p.theta)) if some]
+    return "; ".join([*inputs, *switches, *([f"{' and '.join(moving)} move as they like"] if moving else [])])
 
 
 def _applies(p: Plant, name: str, entry) -> str:

@@ -16,8 +16,8 @@ HERE = Path(__file__).parent
 KEEP = ("design.json", ".h", ".c", ".g", "resources.json")
 DESIGNS = (("cart", "tnl-interval"), ("digester", "descriptor-fault-estimation"), ("disc", "descriptor-uncertain"),
            ("disc_contact", "descriptor-direct"), ("disc_sensors", "bank"), ("emps", "tnl-interval"),
-           ("fan", "zonotope"), ("farhat", "hinf-filter"), ("press", "tnl-interval"), ("quadrotor", "tracking"),
-           ("relay", "tnl-interval"), ("valve", "lpv-interval"), ("valve_sliding", "lpv-interval"),
+           ("fan", "zonotope"), ("farhat", "hinf-filter"), ("kiln", "zonotope"), ("press", "tnl-interval"),
+           ("quadrotor", "tracking"), ("relay", "tnl-interval"), ("valve", "lpv-interval"), ("valve_sliding", "lpv-interval"),
            ("vehicle", "hinf-filter"),
            ("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"), ("buck", "tnl-interval-lpv"),
            ("chevet", "tnl-interval-lpv"), ("hoist", "tnl-interval-lpv"), ("lamouchi", "component-interval"),

@@ -23,7 +23,7 @@ import numpy as np
 
 from ..errors import CertificateError, PlantError
 from ..plant.model import Plant, PlantTrace, Scenario
-from ..plant.simulate import simulate_all
+from ..plant.simulate import draws, simulate_all
 from .validate import side_by_side
 
 Array = np.ndarray
@@ -209,7 +209,7 @@ class Population:
     ----------
     steps : int
     w, v, theta : {"uniform", "corner"}
-        Independent at every sample; theta as fast as its rates allow.
+        Independent at every draw (``draws``); theta as fast as its rates allow.
     modes : {"random", "scenario"}
         Modes of random order and length (the dwell time and STAY beyond it on average), or those of the scenario drawn.
     gap, bridge : int
@@ -228,7 +228,8 @@ class Population:
         """What the runs have in common."""
         drawn = {"uniform": "uniform within their bounds", "corner": "at ends of their bounds"}
         of = {"w": ("disturbances", plant.n_w), "v": ("noises", plant.n_v), "theta": ("parameters", len(plant.theta))}
-        told = [f"{of[name][0]} {drawn[getattr(self, name)]}, drawn anew at every sample" for name in of if of[name][1]]
+        told = [f"{of[name][0]} {drawn[getattr(self, name)]}, drawn anew {draws(plant, name)}"
+                for name in of if of[name][1]]
         modes = {"random": "modes in random order that keep to the declared switching", "scenario": "modes as in the "
                  "scenarios of the plant file"}
         told += [modes[self.modes]] * (plant.n_modes > 1)

@@ -14,7 +14,7 @@ def entries(design) -> tuple[str, ...]:
     enclosed = hasattr(next(iter(design.observer.tables.values())), "shape") or design.observer.family == "filter"
     if design.plant.kind != "continuous" or not enclosed:
         return ()
-    return ("time.kind", "time.sample_period", "Bf", "signals.f", "signals.theta")
+    return ("time.kind", "time.sample_period", "observer.sampling", "Bf", "signals.f", "signals.theta")
 
 
 def of_certificate(design, t, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:

@@ -90,6 +90,12 @@ def simulate_all(plant: Plant, runs: Sequence[tuple[Scenario, int]]) -> list[Pla
         raise PlantError(f"{plant.name}: scenarios.{runs[0][0].name}: {error}") from None
 
 
+def draws(plant: Plant, vector: str) -> str:
+    """Say how often w, v or theta is drawn: noise once a sample, the others on every piece that is simulated."""
+    pieces = 1 if plant.kind == "discrete" else PIECES if plant.polytope is None else descriptor.PIECES
+    return "at every sample" if vector == "v" or pieces == 1 else f"{pieces} times a sample"
+
+
 def range_violations(plant: Plant, trace: PlantTrace) -> list[str]:
     """Return one line per state or output channel that leaves its declared range.
 

@@ -329,5 +329,9 @@ def _detection(design, real: str) -> tuple[Table, ...]:
                         "declared range, x_hi on the least or x_lo on the largest value: the state then is so close "
                         "to that end that the fault can hide in the cut."
                         if any(hides(design, real, f["channel"]) for f in faults) else ""))
+    known = is_point(design, real) or design.observer.family == "filter"
+    if known and design.plant.kind == "continuous" and any(np.any(m.Bf) for m in design.plant.modes):
+        notes.append("What a fault on the state does within a sample is bounded for its declared range: no size beyond "
+                     f"that is promised to be found (“{NEVER}”).")
     notes += ["* larger than the declared range of the fault"] * warned
     return (table("Smallest fault that is surely detected", head, rows, notes),)

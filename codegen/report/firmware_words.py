@@ -31,6 +31,7 @@ from . import (
     trailing_words,
     words,
 )
+from .parameter_words import of_a_step
 from .table import Fact, Folded, Link, Table, table
 
 FILES = {
@@ -148,7 +149,7 @@ def _framers(t, plant) -> tuple[Folded, ...]:
     sides = ("hi",) if t.shared else ("hi", "lo")
     rows = x if t.change is None else [f"z[{i}]" for i in range(len(x))]  # of the state of the recursion
     meanings = ("T A − L C", "T B − L D") if t.change is None else ("Z A X − L C X", "Z B − L D")
-    folds = []
+    folds, step = [], of_a_step(plant)
     for q, mode in enumerate(plant.modes):
         tables = []
         base = " at theta = 0" if t.vary is not None and t.vary.parameters else ""
@@ -158,7 +159,8 @@ def _framers(t, plant) -> tuple[Folded, ...]:
                                            ("N", "gain on the next y", y)):
                 matrix = getattr(t, f"{name}_{side}")[q]
                 if np.any(matrix):
-                    tables.append(_matrix(f"{name} = {meaning}{of}{base if name != 'N' else ''}", rows, columns,
+                    tables.append(_matrix(f"{name} = {meaning}{of}{base if name != 'N' else ''}"
+                                          f"{step if name in 'MG' else ''}", rows, columns,
                                           matrix))
         tables += _varying(t.vary, q, plant, rows, u, y)
         tables.append(_matrix("Offsets of the framers", rows, ["d_lo", "d_hi"],

@@ -35,8 +35,9 @@ def parameter_tables(plant: Plant) -> tuple[Table, ...]:
         for (lo, hi), mode in zip(limits, where):
             rows.append((s.name, words.interval(lo, hi, s.unit), mode,
                          known if s.measured else "no", _rate(s) if np.isfinite(s.rate) else "any: it may jump"))
+    often = "sample" if plant.kind == "discrete" else "instant"
     notes = ("A measured parameter is an input of the firmware (in->theta); a value beyond its bounds, error included, "
-             "is refused. One that is not measured may be anything within its bounds, and another at every sample.",)
+             f"is refused. One that is not measured may be anything within its bounds, and another at every {often}.",)
     return (table("Parameters of the matrices", ("theta", "bounds", "where", "measured", "fastest change"), rows,
                   notes),) if rows else ()
 
@@ -91,6 +92,11 @@ def between(plant: Plant) -> str:
             + (" and rates" if any(np.isfinite(s.rate) for s in plant.theta) else "")] if moving else []
     when = "at samples only" if plant.switching.known else "at any instant"
     return "; ".join([*parts, *([f"the mode changes {when}"] if plant.n_modes > 1 else []), *free])
+
+
+def of_a_step(plant: Plant) -> str:
+    """Say of which equation A and B are in constants of the C; nothing of a discrete plant, which has but one."""
+    return ", with A and B of a step from sample to sample" if plant.kind == "continuous" else ""
 
 
 def assumed(plant: Plant) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .parameter_words import of_a_step
 from .table import Folded, Table
 
 
@@ -25,11 +26,11 @@ def gains(design, real: str, matrix, t=None) -> tuple[Folded, ...]:
     """
     t, plant = t or design.observer.tables[real], design.plant
     x, u, y = ([s.name for s in getattr(plant, vector)] for vector in "xuy")
-    folds = []
+    folds, step = [], of_a_step(plant)
     for q, mode in enumerate(plant.modes):
         tables: list[Table] = []
         for name, meaning, rows, columns in (
-                ("M", "T A − L C", x, x), ("G", "T B − L D", x, u), ("L", "gain on y", x, y),
+                ("M", f"T A − L C{step}", x, x), ("G", f"T B − L D{step}", x, u), ("L", "gain on y", x, y),
                 ("N", "gain on the next y", x, y), ("C", "of the residual", y, x)):
             value = getattr(t, name)[q]
             if np.any(value):

@@ -20,6 +20,8 @@ from .table import Cell, Plot, Row, Table, table
 Array = np.ndarray
 SAMPLES = 100  # that curves over time show
 MOST_OUTPUTS = 3
+OF_STEPS = (" It is exact for the discrete plant that encloses this one at its samples, where what a disturbance does "
+            "within a sample beyond its mean is one of its own for each state.")
 QUIET = 2.0  # times as large as before the fault: beyond it a set has started anew
 
 
@@ -187,7 +189,7 @@ def _about(design, w: Watched, stop: int) -> str:
     return ("Disturbance and noise move the residual even where nothing is wrong. Where they can move it to is known "
             "beforehand: it depends on the modes alone. The exact set is what they can reach with these gains; the set "
             "of the firmware holds it, and is larger by what bounded arithmetic costs. Both are shown along scenario "
-            f"“{w.outcome.scenario.name}”{part}.")
+            f"“{w.outcome.scenario.name}”{part}." + (OF_STEPS if design.plant.kind == "continuous" else ""))
 
 
 def _areas(design, w: Watched, index: Array) -> tuple[Plot, str]:
@@ -244,9 +246,10 @@ def _others(design, w: Watched, index: Array) -> tuple[Table, ...]:
         rows.append(Row((Cell(c.name or own(design)),
                          *(Cell(text, "num") for text in figures)), "" if c.name else "chosen"))
     where = f"{DIRECTIONS} directions" if plant.n_y == 2 else "each output"
+    sampled = ", found from points of its edge and so a little too small" if plant.n_y == 2 else ""
     notes = (f"Thresholds over those of the exact set, in {where}, along the modes of the scenario; the first quarter "
-             "is left out. The first row is the firmware, rounding included. The others are computed in double "
-             f"precision with its gains; the tables know that a mode lasts at least "
+             f"is left out. The first row is the firmware, rounding included{sampled}. The others are computed in "
+             f"double precision with its gains; the tables know that a mode lasts at least "
              f"{words.count(least_dwell(plant), 'sample')}. What each finds and costs as firmware of its own: "
              "residua compare.",)
     return (table("The same gains with other sets", ("set", "#mean over exact", "#worst over exact"), rows, notes),)

@@ -77,7 +77,7 @@ def worst_path(design, found, channel, delay):
 def test_what_is_promised_cannot_be_hidden(name, design_of):
     """Steps of the promised size, and some 3 per cent below what can be hidden along the same sequence."""
     design, real = design_of(name), "float32"
-    plant, t, rng = design.plant, design.observer.tables[real], np.random.default_rng(len(name))
+    plant, t, rng = design.plant.enclosed, design.observer.tables[real], np.random.default_rng(len(name))
     found = by_sequence(plant, t, design.certificate[real], WITHIN)
     faults = surely_detected(plant, t, design.certificate[real], WITHIN)
     runs = []  # outputs, modes, delay, whether it has to alarm (None: must not)

@@ -71,7 +71,7 @@ FALSE = {
         "box": ((*T, "box"), 0.9, "box"), "range": ((*T, "x_hi"), 0.9, "box x"), "P": ((*Z, "P"), 1 - 1e-6, "P["),
         "Pb": ((*Z, "Pb"), 1 - 1e-6, "Pb["), "S": ((*Z, "S"), 1 - 1e-6, "S["), "g": ((*Z, "g"), 1 - 1e-5, "g["),
         "gb": ((*Z, "gb"), 1 - 1e-5, "gb["), "rho": ((*Z, "rho"), 1 - 1e-5, "rho["),
-        "coordinates": ((*Z, "T"), 1.01, ""), "spread": ((*Z, "spread"), 0.99, "spread["),
+        "coordinates": ((*Z, "T"), 1.01, ""), "spread": ((*Z, "spread"), 0.4, "spread["),
         "limit": ((*T, "limit"), 0.5, "limit below"), "ultimate box": ((*C, "steady_box", "half"), 0.9, "ultimate"),
         "width": ((*C, "steady_box", "width"), 0.99, "ultimate width")},
     "ellipsoid_trace": {name: (path, 1.01, "") for name, path in ESTIMATE.items() if name not in ("box", "range")} | {

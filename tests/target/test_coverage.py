@@ -13,8 +13,9 @@ need("gcc", "gcov", "clang-19", "llvm-cov-19", "llvm-profdata-19")
 coverage = load("coverage")
 
 
-#: One of each family, and the observer that has a tracking law beside it.
-WHOLE = [*whole(first_of_each(GENERATED)), *(f for f in GENERATED if f.name == "quadrotor_tracking")]
+#: One of each family, the observer that has a tracking law beside it, and the box that holds noise of its own sample.
+WHOLE = [*whole(first_of_each(GENERATED)), *(f for f in GENERATED if f.name in (
+    "quadrotor_tracking", "zammali_box_ellipsoid"))]
 
 
 @pytest.mark.parametrize("folder", WHOLE, ids=lambda folder: folder.name)

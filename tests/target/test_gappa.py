@@ -39,8 +39,7 @@ from codegen.target.prove import ProofResult
 REALS = ("float32", "float64")
 SMALL = 30  # sums: a larger script is proved in the number type of the plant file only
 PLANTS = [name for name in gallery_names() if load(name).modes and is_uncertain(load(name))
-          and load(name).switching.known
-          and any(m.framers and m.module.inapplicable(load(name)) is None for m in METHODS.values())]
+          and load(name).switching.known and METHODS[load(name).method].framers]
 RADIUS = r"\n    [+-] [^\n]*\b(?:m|a|size)_\d[^\n]*$"
 DEFINITION = r"(?m)^{} (?:r=|=)\n((?:    .*\n)*?    .*);$"
 

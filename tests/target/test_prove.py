@@ -35,7 +35,11 @@ def rewrite(folder, name, pattern, text, count=1):
     (folder / name).write_text(changed)
 
 
-@pytest.mark.parametrize("folder", first_of_each(STATED), ids=lambda f: f.name)
+#: One of each family, and the box that holds noise of its own sample.
+ONES = [*first_of_each(STATED), *(f for f in STATED if f.name == "zammali_box_ellipsoid")]
+
+
+@pytest.mark.parametrize("folder", ONES, ids=lambda f: f.name)
 def test_every_kept_design_is_proved(folder, tmp_path):
     """The committed C is what is proved, with the harness as it is printed now."""
     need("frama-c")

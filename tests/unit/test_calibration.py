@@ -83,6 +83,15 @@ def test_runs_keep_to_the_plant_file():
     assert not np.array_equal(runs[0].y, fault_free_runs(plant, Population(steps=60), 1, seed=4)[0].y)
 
 
+def test_conditions_say_how_often_a_continuous_plant_is_disturbed():
+    """As often as its runs are: on each of their pieces, noise at the samples alone."""
+    wishes = {name: [s for s in Population().words(load(name)) if "drawn anew" in s]
+              for name in ("kiln", "dlpv", "farhat")}
+    assert [s.rpartition("anew ")[2] for s in wishes["kiln"]] == ["8 times a sample", "at every sample"]
+    assert [s.rpartition("anew ")[2] for s in wishes["dlpv"]] == ["2 times a sample", "at every sample"]
+    assert {s.rpartition("anew ")[2] for s in wishes["farhat"]} == {"at every sample"}
+
+
 def test_mode_sequences_keep_to_the_switching():
     slow, turn = load("zammali_dwell"), load("zammali_schedule")
     least = slow.switching.average_dwell / slow.sample_period
