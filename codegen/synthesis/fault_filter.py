@@ -44,8 +44,8 @@ def inapplicable(plant) -> str | None:
     if not plant.switching.known and (reason := mode_set.inapplicable(plant)) is not None:
         return f"the mode is not known at run time, and it cannot be found there: {reason}"
     if not plant.switching.known and plant.kind != "discrete":
-        return ("the plant is continuous and nobody tells its mode, expected one at most: the table of a filter's start "
-                'is proved for discrete plants alone. Use method "zonotope", which takes modes = "set" and "sliding".')
+        return ("the plant is continuous and nobody tells its mode, expected one at most: the table of a filter's "
+                'start is proved for discrete plants alone. Use method "zonotope", with modes = "set" or "sliding".')
     if (reason := basic_reason(plant)) is not None:
         return reason
     if not plant.f:
