@@ -12,6 +12,7 @@ from ..designs import Design
 from ..errors import CertificateError, DesignError
 from ..observers import TrailingTables
 from ..plant.model import Plant
+from . import filter_calibration
 from .filter_designs import leveled, proposed
 from .loose_filters import frozen
 from .modes import assembled, both
@@ -44,6 +45,7 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
     if options.get("threshold") == "calibrated":
         raise DesignError(f'{plant.name}: observer.threshold is "calibrated" where the mode is not known, expected '
                           '"guaranteed": what rules modes out has to be proved. Leave it out.')
+    filter_calibration.asked(options)
     told, stays = staying(plant)
     gains = proposed(told, options, lambda text: progress(f"{name}: {text}"), stays)
     tables, certs = both(plant, options, lambda text: progress(f"{name}: {text}"))

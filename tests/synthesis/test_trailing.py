@@ -10,7 +10,7 @@ import pytest
 from flint import arb
 
 import codegen
-from codegen.analysis import mode_promise
+from codegen.analysis import mode_promise, plots, replay
 from codegen.analysis.validate import validate
 from codegen.certify import loose_filter
 from codegen.designs import read_design, recheck
@@ -18,6 +18,9 @@ from codegen.errors import CertificateError, DesignError
 from codegen.host import build
 from codegen.observers import ModeObserver, Supervision, TrailingObserver, TrailingTables
 from codegen.plant.load import loads
+from codegen.report import trailing_words
+from codegen.report.firmware_words import _matrix
+from codegen.report.words import at_most
 from tests.helpers.folders import built, write
 from tests.helpers.small_modes import exact_course
 from tests.helpers.trailing import AGES, PUSHED, made, plant, tables
@@ -39,6 +42,7 @@ def lost(name, t, real="float32", observer=TrailingObserver):
     """
     runs, bad = courses(name), 0
     u, y, q = (np.stack([getattr(run, k) for run in runs]).reshape(RUNS, STEPS, -1) for k in ("u", "y", "q"))
+    y[3, 7::9] = np.nan  # samples without a measurement
     out = observer({real: t}, Supervision()).run_many(u, y, q[..., 0], real)
     for i, run in enumerate(runs):
         for k, (x, true) in enumerate(zip(run.x, run.q)):
@@ -49,7 +53,7 @@ def lost(name, t, real="float32", observer=TrailingObserver):
         return bad, out, None
     right = out.mode == q[..., 0]
     right[:, 0] = False  # nothing has acted yet
-    share = (np.abs(out.f_hat) / out.f_bound).max(axis=2)
+    share = np.nan_to_num((np.abs(out.f_hat) / out.f_bound).max(axis=2))
     return bad + int(np.sum(right & (share > 1))), out, np.where(right, share, 0)
 
 
@@ -206,6 +210,24 @@ def test_a_slow_fault_is_found_by_the_filter_first(tmp_path):
     deaf = code.replace("if (pushed_beyond(s, q, f_hat, bound))", "if (pushed_beyond(s, q, f_hat, bound) && (q > 9U))")
     (folder / "pushed.c").write_text(deaf)
     assert deaf != code and int(np.argmax(build(folder).run(run.u, quiet + drift).alarm)) == first[1]
+
+
+def test_report_and_log_have_the_estimates():
+    """Bounds as the C holds them, constants of filters and their starts, columns of a log, panels of a figure."""
+    design, truth = whole(), true_run()
+    t, trace = design.observer.tables["float32"].told, design.observer.run(truth.u, truth.y)
+    delays, bounds = trailing_words.bounds(design, "float32")
+    assert len(delays.rows) == 3 and len(bounds.rows) == 2
+    cells = [c.text for c in bounds.rows[1].cells]
+    assert cells[:2] == ["right", "sensor"] and at_most(float(t.h[:, -1, 1].max())) in cells[-1]
+    folds = trailing_words.gains(design, "float32", _matrix)
+    titles = " ".join(table.caption for fold in folds for table in fold.tables)
+    assert "K: estimate from xi" in titles and "E of mode 1" in titles and "Phi" in titles
+    header, *lines = replay.table(design.plant, truth, trace).splitlines()
+    column = header.split(",").index("f_hat.sensor")
+    assert float(lines[100].split(",")[column]) == trace.f_hat[100, 0]
+    assert header.split(",")[column + 1] == "f_bound.sensor"
+    assert len(plots._outputs(plots.whole(design.plant, truth, trace))) == 3
 
 
 def test_validation_notices_a_bound_that_is_too_low():
