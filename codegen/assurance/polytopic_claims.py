@@ -90,7 +90,7 @@ def seen_apart(plant, t, cert: dict, checks: tuple) -> tuple:
     """
     held, T1 = cert["thresholds"], cert.get("energy", cert).get("T1")
     known = (hasattr(t, "algebraic") or np.ndim(T1) == 2) and "waits" not in held and "calibration" not in cert
-    known = known and (not t.faults or by_ellipsoid(t, cert)) and read_apart(plant, "near" in held, bool(t.faults))
+    known = known and read_apart(plant, "near" in held, by_ellipsoid(t, cert))
     return checks if known else tuple(name for name in checks if name != "independent")
 
 

@@ -154,7 +154,7 @@ class Errors:
         self.seen = add(mul(self.T1, plant.E), mul(self.T2, plant.C))  # I - R
         self.passed = sub(unit(len(self.C)), mul(self.C, self.T2))
         self.r_x = sub(plant.C, mul(self.C, self.seen))
-        self.r_d = mul(self.passed, plant.Dd)
+        self.shown_x, self.r_d = self.r_x, mul(self.passed, plant.Dd)  # what is judged may leave some of x out
         self.Ee = unit(len(self.C[0]))
         self.N = [add(F_, mul(K, self.C)) for F_, K in zip(self.F, self.K)]
 
@@ -208,7 +208,7 @@ class Errors:
             change = [self.drift.of(mul(self.T1, M)) for M in p.A]
             z = [a + p.T * max(c) for a, c in zip(z, zip(*change))]
         seen, room = mul(self.M, self.C), []
-        parts = [(mul(self.M, self.r_x), p.box["x"]), (mul(self.M, self.r_d), p.box["d"])]
+        parts = [(mul(self.M, self.shown_x), p.box["x"]), (mul(self.M, self.r_d), p.box["d"])]
         for k, row in enumerate(self.M):
             errors = ((mul([row], self.passed)[0], y), (seen[k], x_hat), (row, r))
             lost = sum((abs(a) * e for some, es in errors for a, e in zip(some, es)), F(0))

@@ -73,8 +73,8 @@ def check_thresholds(errors, p, cert, shares=None):
         bounds = after(maps, near, bounds, wide)
 
 
-def check_energy(errors, cert, channel):
-    """Level and contraction at every pair of vertices."""
+def check_energy(errors, cert, channel, first=0):
+    """Level and contraction at every pair of vertices; z of the channel "state" is of the states from the first on."""
     plant, proof, n = errors.plant, cert["energy"], len(errors.F[0])
     level, P1, P2 = F(proof["level2"]), exact(proof["P1"]), exact(proof["P2"])
     demand(F(proof["gamma"]) ** 2 >= level >= 0 and cert["level"] == proof["gamma"] >= 0, "the claimed level")
@@ -87,9 +87,9 @@ def check_energy(errors, cert, channel):
     else:
         of_y = [float(a) for a in plant.size["y"]]
         H = [[F(float(a) / s) for a in row] for row, s in zip(plant.C, of_y)] if channel == "residual" else [
-            [F(1 / float(s)) * (i == j) for j in range(n)] for i, s in enumerate(plant.size["x"])]
+            [F(1 / float(s)) * (i == j) for j in range(n)] for i, s in enumerate(plant.size["x"]) if i >= first]
         J = [[F(float(a) / s) for a in row] for row, s in zip(plant.Dd, of_y)] if channel == "residual" else [
-            [F(0)] * len(of_d) for _ in range(n)]
+            [F(0)] * len(of_d) for _ in H]
         z = beside(H, mul(H, lost), none * len(H), sub(J, mul(mul(H, errors.T2), plant.Dd)))
 
     def in_units(A):

@@ -43,8 +43,7 @@ def signals(design, name, real, runs=6, steps=40):
 
 
 @pytest.mark.parametrize("name, real, layout, supervision", [
-    ("input", "float64", "loop", GUARDED), ("no input", "float32", "table", None),
-    ("parameter", "float32", "literal", GUARDED)])
+    ("no input", "float32", "table", None), ("parameter", "float64", "loop", GUARDED)])
 def test_c_equals_the_reference(name, real, layout, supervision, tmp_path):
     design = stand_in(name, supervision)
     u, y, q = signals(design, name, real)
@@ -63,10 +62,8 @@ def test_c_equals_the_reference(name, real, layout, supervision, tmp_path):
 
 
 MUTANTS = {
-    "filter of another mode": ("told_xi[at], in, q, next)", "told_xi[at], in, 0U, next)"),
     "young ones ruled out": ("                s->alive[q] &= 1U;", "                s->alive[q] = 0U;"),
     "what has begun changes nothing": ("(runs && (((alive & 1U) == 0U) || (s->latched != 0U)))", "runs"),
-    "goes on as if nothing had begun": ("else if (none || ((alive & 1U) != 0U))", "else if (none)"),
     "an alarm changes nothing": ("const bool kept = none || (", "const bool kept = ("),
     "rows stand still": ("? (s->told_since[q] + 1U) : VALVE_LAST", "? s->told_since[q] : VALVE_LAST"),
     "size of the start not looked at": ("if (!(hi[i] <= largest[k][i]))", "if (!(hi[i] <= hi[i]))"),
@@ -81,8 +78,9 @@ MUTANTS = {
 def reference(tmp_path_factory):
     """Folder, signals and answers that every mutant is held against."""
     design = stand_in("input")
-    given = signals(design, "input", "float32", 9, 60)
-    folder = write(design, tmp_path_factory.mktemp("trailing") / "good")
+    given = signals(design, "input", "float32", 6, 60)
+    folder = write(design, tmp_path_factory.mktemp("trailing") / "good", layout="literal")
+    assert build(folder).run_many(*given).differs(design.observer.run_many(*given, "float32")) == []
     return folder, given, design.observer.run_many(*given, "float32")
 
 
