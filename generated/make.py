@@ -16,7 +16,8 @@ HERE = Path(__file__).parent
 KEEP = ("design.json", ".h", ".c", ".g", "resources.json")
 DESIGNS = (("cart", "tnl-interval"), ("digester", "descriptor-fault-estimation"), ("disc", "descriptor-uncertain"),
            ("disc_contact", "descriptor-direct"), ("disc_sensors", "bank"), ("emps", "tnl-interval"),
-           ("fan", "zonotope"), ("farhat", "hinf-filter"), ("press", "tnl-interval"), ("quadrotor", "tracking"),
+           ("fan", "zonotope"), ("farhat", "hinf-filter"), ("press", "tnl-interval"),
+           ("pushed", "hinf-filter"), ("quadrotor", "tracking"),
            ("relay", "tnl-interval"), ("valve", "lpv-interval"), ("valve_sliding", "lpv-interval"),
            ("vehicle", "hinf-filter"),
            ("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"), ("buck", "tnl-interval-lpv"),

@@ -10,7 +10,7 @@ import numpy as np
 from codegen.designs import Design
 from codegen.observers import ModeTables, Supervision, TrailingObserver, TrailingTables
 from codegen.plant.bounded import bounded
-from codegen.plant.load import loads
+from codegen.plant.load import load, loads
 from codegen.selection.loose_filters import frozen
 from codegen.synthesis.mode_tables import tables_of
 
@@ -18,57 +18,7 @@ from .driven import DISCRETE, NOISY
 from .follower import WIDE
 
 #: Two modes, both states measured, a fault of a sensor: noise is larger than what a step of the disturbance does.
-PUSHED = """
-format = 1
-name = "pushed"
-[time]
-kind = "discrete"
-sample_period = 0.1
-[signals]
-x = [{ name = "a", range = [-3, 3] }, { name = "b", range = [-3, 3] }]
-u = [{ name = "push", range = [0.5, 1.5] }]
-y = [{ name = "a", range = [-5, 5] }, { name = "b", range = [-5, 5] }]
-w = [{ name = "gust", bounds = [-0.01, 0.01] }]
-v = [{ name = "n1", bounds = [-0.01, 0.01] }, { name = "n2", bounds = [-0.01, 0.01] }]
-f = [{ name = "sensor", range = [-1, 1] }]
-[initial]
-x_lo = [-0.1, -0.1]
-x_hi = [0.1, 0.1]
-[common]
-C  = [[1, 0], [0, 1]]
-Dv = [[1, 0], [0, 1]]
-Df = [[1], [0]]
-Bw = [[0.5], [1]]
-[[mode]]
-name = "left"
-A = [[0.7, 0.1], [0, 0.6]]
-B = [[0.3], [0.2]]
-[[mode]]
-name = "right"
-A = [[0.6, 0], [0.2, 0.7]]
-B = [[-0.3], [0.1]]
-[switching]
-known = false
-minimum_dwell = 1
-[observer]
-method = "hinf-filter"
-set_rows = 12
-[[scenario]]
-name  = "turned round"
-steps = 200
-mode  = [[0, "left"], [60, "right"], [120, "left"], [130, "right"]]
-u     = ["1 + 0.5*sin(0.7*k)"]
-w     = "corner"
-v     = "corner"
-[[scenario]]
-name  = "sensor fault"
-steps = 150
-mode  = [[0, "left"], [40, "right"]]
-u     = ["1 + 0.5*sin(0.7*k)"]
-w     = "uniform"
-v     = "uniform"
-fault = [{ channel = "sensor", from = 80, to = 120, value = "0.3" }]
-"""
+PUSHED = load("pushed").text
 PLANTS = {"input": DISCRETE.replace(*NOISY), "no input": WIDE.replace(
     "[initial]", 'f = [{ name = "sensor", range = [-1, 1] }, { name = "pipe", range = [-1, 1] }]\n[initial]').replace(
     "Dv = ", "Df = [[1, 0], [0, 1]]\nDv = "), "parameter": DISCRETE.replace(*NOISY).replace(

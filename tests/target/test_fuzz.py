@@ -34,7 +34,7 @@ def test_committed_designs(folder):
 
 
 @pytest.mark.parametrize("family", ["ellipsoid", "thresholds", "filter", "mode", "driven", "descriptor",
-                                    "guided", "bank", "follower"])
+                                    "guided", "bank", "follower", "trailing"])
 def test_other_observers(family):
     """The set online and as a table, all other families (polytopic: below); of other point observers the same."""
     found = run(next(f for f in KEPT if family_of(f) == family), 2000)
