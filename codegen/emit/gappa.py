@@ -58,9 +58,8 @@ ABOUT_DRIVEN = ("operation rounded and once exact. What they may differ by is th
 ABOUT_FOLLOWER = ("operation rounded and once exact. What they may differ by is the margin: of the estimate what the",
                   "set of errors gets, of the boxes what they gain for the rounding of this sum. All layouts calculate",
                   "these sums: a")
-ABOUT_TRAILING = ("operation rounded and once exact. What they may differ by is the margin: of estimates, states and starts",
-                  "of filters what thresholds hold, of the boxes what they gain for the rounding of this sum. All layouts",
-                  "calculate these sums: a")
+ABOUT_TRAILING = ("operation rounded and once exact. What they may differ by is the margin: of filters what thresholds",
+                  "hold, of the boxes what they gain for the rounding of this sum. All layouts calculate these sums: a")
 ABOUT_GUIDED = ("operation rounded and once exact. What they may differ by is the margin: of the framers what their",
                 "offsets leave over, of the pairs what offsets and bounds of the noise hold for the rounding of this",
                 "sum, while the decision is right. All layouts calculate these sums: a")

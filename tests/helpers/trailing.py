@@ -17,8 +17,25 @@ from codegen.synthesis.mode_tables import tables_of
 from .driven import DISCRETE, NOISY
 from .follower import WIDE
 
-#: Two modes, both states measured, a fault of a sensor: noise is larger than what a step of the disturbance does.
-PUSHED = load("pushed").text
+
+def replaced(text: str, *changes: tuple[str, str]) -> str:
+    """A text with other words, each of which it has."""
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new)
+    return text
+
+
+#: The gallery plant with both states measured, the fault on one of them, and modes that take longer to tell apart.
+PUSHED = replaced(
+    load("pushed").text, ("Dv = [[1]]\nDf = [[1]]", "Dv = [[1, 0], [0, 1]]\nDf = [[1], [0]]"), (
+        'y = [{ name = "a", range = [-5, 5] }]',
+        'y = [{ name = "a", range = [-5, 5] }, { name = "b", range = [-5, 5] }]'), (
+        'v = [{ name = "noise", bounds = [-0.01, 0.01] }]',
+        'v = [{ name = "n1", bounds = [-0.01, 0.01] }, { name = "n2", bounds = [-0.01, 0.01] }]'), (
+        "C  = [[1, 0]]", "C  = [[1, 0], [0, 1]]"),
+    ("A = [[0.6, 0.1], [0, 0.5]]\nB = [[0.5], [0.2]]", "A = [[0.7, 0.1], [0, 0.6]]\nB = [[0.3], [0.2]]"),
+    ("A = [[0.5, -0.1], [0.1, 0.6]]\nB = [[-0.5], [-0.2]]", "A = [[0.6, 0], [0.2, 0.7]]\nB = [[-0.3], [0.1]]"))
 PLANTS = {"input": DISCRETE.replace(*NOISY), "no input": WIDE.replace(
     "[initial]", 'f = [{ name = "sensor", range = [-1, 1] }, { name = "pipe", range = [-1, 1] }]\n[initial]').replace(
     "Dv = ", "Df = [[1, 0], [0, 1]]\nDv = "), "parameter": DISCRETE.replace(*NOISY).replace(
