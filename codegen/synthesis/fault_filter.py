@@ -43,8 +43,6 @@ def inapplicable(plant) -> str | None:
         return POLYTOPIC
     if not plant.switching.known and (reason := mode_set.inapplicable(plant)) is not None:
         return f"the mode is not known at run time, and it cannot be found there: {reason}"
-    if not plant.switching.known and plant.kind != "discrete":
-        return "the plant is continuous and nobody tells its mode, expected one at most. Use method \"zonotope\"."
     if (reason := basic_reason(plant)) is not None:
         return reason
     if not plant.f:

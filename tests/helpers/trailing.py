@@ -16,6 +16,7 @@ from codegen.synthesis.mode_tables import tables_of
 
 from .driven import DISCRETE, NOISY
 from .follower import WIDE
+from .small_modes import TEXT
 
 
 def replaced(text: str, *changes: tuple[str, str]) -> str:
@@ -41,6 +42,7 @@ PLANTS = {"input": DISCRETE.replace(*NOISY), "no input": WIDE.replace(
     "Dv = ", "Df = [[1, 0], [0, 1]]\nDv = "), "parameter": DISCRETE.replace(*NOISY).replace(
     "f = [{", 'theta = [{ name = "wear", bounds = [-0.02, 0.03], measured = false }]\nf = [{').replace(
     "[[0.8, 0.2], [0.1, 0.5]]", '[["0.8 + wear", 0.2], [0.1, 0.5]]'), "pushed": PUSHED}
+PLANTS["between"] = TEXT.replace(*NOISY)  # a continuous one: switches at any instant
 AGES, ROWS = 3, 10
 
 
@@ -54,11 +56,11 @@ def made(name: str, real: str):
     """Tables, and what proves the thresholds; what the measurement is beyond the observer's is the fault."""
     p = plant(name)
     mode = tables_of(ModeTables, bounded(p), AGES, real)
-    C, n_f = p.modes[0].C, p.n_f
-    L = [0.5 * m.A @ np.linalg.pinv(C) * (np.arange(p.n_y) >= (name == "pushed")) for m in p.modes]
-    parts = {"M": [m.A - g @ C for m, g in zip(p.modes, L)], "L": L,
-             "G": [m.B - g @ m.D for m, g in zip(p.modes, L)], "K": [-C[:n_f]] * p.n_modes,
-             "Dy": [np.eye(p.n_y)[:n_f]] * p.n_modes, "Du": [-m.D[:n_f] for m in p.modes]}
+    C, n_f, modes = p.modes[0].C, p.n_f, p.enclosed.modes
+    L = [0.5 * m.A @ np.linalg.pinv(C) * (np.arange(p.n_y) >= (name == "pushed")) for m in modes]
+    parts = {"M": [m.A - g @ C for m, g in zip(modes, L)], "L": L,
+             "G": [m.B - g @ m.D for m, g in zip(modes, L)], "K": [-C[:n_f]] * p.n_modes,
+             "Dy": [np.eye(p.n_y)[:n_f]] * p.n_modes, "Du": [-m.D[:n_f] for m in modes]}
     own, certs = frozen(p, {k: np.array(v).astype(real) for k, v in parts.items()}, mode, real, ROWS)
     return TrailingTables(**vars(mode), told=own), certs
 
