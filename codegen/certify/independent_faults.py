@@ -88,13 +88,13 @@ class FaultErrors(Errors):
             unknown(not found.plain)
             self.off_known.append(found.error + max(map(abs, (found.p - term).range(ends))))
         self.told = [max(map(abs, pair)) + off for pair, off in zip(p["u"][len(t["u_lo"]):], self.off_known)]
+        self.slips, says = self.rounded(), [own for _, own in self.says()]
+        self.left = [sum((e * m for e, (_, m) in zip(self.off, own)), F(0)) for own in says]
 
     def terms_of(self, j):
         """N_j and the columns of W_j."""
-        p, n = self.plant, len(self.F[0])
-        y, u, x_hat, r, _, z = self.rounded()
-        says = [own for _, own in self.says()]
-        left = [sum((e * m for e, (_, m) in zip(self.off, own)), F(0)) for own in says]
+        p, n, left = self.plant, len(self.F[0]), self.left
+        y, u, x_hat, r, _, z = self.slips
         of_y = sub(mul(self.F[j], self.T2), mul(self.K[j], self.passed))
         own = [(of_y, y), (self.G[j], u), (self.known, self.off_known), (self.N[j], x_hat), (self.K[j], r),
                (unit(n), z), (unit(n), left)]
@@ -104,7 +104,7 @@ class FaultErrors(Errors):
     def room(self):
         """What else than e is in r less what the faults are in y."""
         p, count = self.plant, len(self.F[0]) - self.faults
-        y, _, x_hat, r, *_ = self.rounded()
+        y, _, x_hat, r, *_ = self.slips
         of_x = [[a - (b if k >= count else 0) for k, (a, b) in enumerate(zip(*rows))] for rows in zip(self.r_x, p.C)]
         return [reach(a + b, p.box["x"] + p.box["d"]) + e + sum(
             (abs(c) * m for row, some in zip(more, (y, x_hat)) for c, m in zip(row, some)), F(0))

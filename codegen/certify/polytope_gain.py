@@ -166,8 +166,8 @@ def discrete(names, model: ErrorModel, proof: dict, level: fmpq) -> list[str]:
     for kind, i, j, S in discrete_inequalities(model, proof, level):
         refuse(S, names, i, j, words[kind])
     steps = "" if proof.get("period") is None else f"; the plant by Euler steps of {proof['period']:.6g} s"
-    return [f"the error of the estimate shrinks at least by {proof['contraction']:.6g} per sample where nothing "
-            f"drives it{steps}"]
+    return [f"the error of the estimate shrinks to at most {proof['contraction']:.6g} of what it was per sample where "
+            f"nothing drives it{steps}"]
 
 
 def discrete_inequalities(model: ErrorModel, proof: dict, level: fmpq) -> Iterator[tuple[str, int | None, int, Array]]:

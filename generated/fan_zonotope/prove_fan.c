@@ -423,7 +423,7 @@ static void starts(void)
     /*@ assert box: least.told_shape[19] <= again.told_shape[19] <= most.told_shape[19]; */
 }
 
-/* The modes apart, of the last sample and of this one; the last round has every value that is no mode. */
+/* Modes, if any, apart: of the last sample and of this one; the last round has every value that is no mode. */
 static void calls(void)
 {
     fan_state s;

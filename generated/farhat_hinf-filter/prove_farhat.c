@@ -143,7 +143,7 @@ static void starts(void)
     /*@ assert box: least.xi[1] <= again.xi[1] <= most.xi[1]; */
 }
 
-/* The modes apart, of the last sample and of this one; the last round has every value that is no mode. */
+/* Modes, if any, apart: of the last sample and of this one; the last round has every value that is no mode. */
 static void calls(void)
 {
     farhat_state s;

@@ -236,7 +236,7 @@ static void starts(void)
     state_is_in_box(&again);
 }
 
-/* The modes apart, of the last sample and of this one; the last round has every value that is no mode. */
+/* Modes, if any, apart: of the last sample and of this one; the last round has every value that is no mode. */
 static void calls(void)
 {
     press_state s;

@@ -355,7 +355,7 @@ static void starts(void)
     /*@ assert box: least.frame_hi[3] <= again.frame_hi[3] <= most.frame_hi[3]; */
 }
 
-/* The modes apart, of the last sample and of this one; the last round has every value that is no mode. */
+/* Modes, if any, apart: of the last sample and of this one; the last round has every value that is no mode. */
 static void calls(void)
 {
     valve_state s;

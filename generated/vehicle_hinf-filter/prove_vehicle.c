@@ -161,7 +161,7 @@ static void starts(void)
     /*@ assert box: least.xi[2] <= again.xi[2] <= most.xi[2]; */
 }
 
-/* The modes apart, of the last sample and of this one; the last round has every value that is no mode. */
+/* Modes, if any, apart: of the last sample and of this one; the last round has every value that is no mode. */
 static void calls(void)
 {
     vehicle_state s;

@@ -260,7 +260,7 @@ static void starts(void)
     /*@ assert box: least.shape[14] <= again.shape[14] <= most.shape[14]; */
 }
 
-/* The modes apart, of the last sample and of this one; the last round has every value that is no mode. */
+/* Modes, if any, apart: of the last sample and of this one; the last round has every value that is no mode. */
 static void calls(void)
 {
     zammali_blocks_state s;

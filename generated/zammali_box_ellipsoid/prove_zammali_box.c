@@ -207,7 +207,7 @@ static void starts(void)
     /*@ assert box: least.shape[2] <= again.shape[2] <= most.shape[2]; */
 }
 
-/* The modes apart, of the last sample and of this one; the last round has every value that is no mode. */
+/* Modes, if any, apart: of the last sample and of this one; the last round has every value that is no mode. */
 static void calls(void)
 {
     zammali_box_state s;

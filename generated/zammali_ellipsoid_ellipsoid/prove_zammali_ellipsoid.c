@@ -232,7 +232,7 @@ static void starts(void)
     /*@ assert box: least.shape[8] <= again.shape[8] <= most.shape[8]; */
 }
 
-/* The modes apart, of the last sample and of this one; the last round has every value that is no mode. */
+/* Modes, if any, apart: of the last sample and of this one; the last round has every value that is no mode. */
 static void calls(void)
 {
     zammali_ellipsoid_state s;

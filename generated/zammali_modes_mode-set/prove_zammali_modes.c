@@ -673,7 +673,7 @@ static void starts(void)
     /*@ assert box: least.box_hi[62] <= again.box_hi[62] <= most.box_hi[62]; */
 }
 
-/* The modes apart, of the last sample and of this one; the last round has every value that is no mode. */
+/* Modes, if any, apart: of the last sample and of this one; the last round has every value that is no mode. */
 static void calls(void)
 {
     zammali_modes_state s;

@@ -383,7 +383,7 @@ static void starts(void)
     /*@ assert box: least.shape[47] <= again.shape[47] <= most.shape[47]; */
 }
 
-/* The modes apart, of the last sample and of this one; the last round has every value that is no mode. */
+/* Modes, if any, apart: of the last sample and of this one; the last round has every value that is no mode. */
 static void calls(void)
 {
     zammali_zonotope_state s;

@@ -173,7 +173,7 @@ def test_the_committed_design_is_certified():
     design = committed()
     for real, t in design.observer.tables.items():
         claims = check(design.plant, t, design.certificate[real])
-        assert any("no false alarm" in c for c in claims) and any("shrinks at least by 0.9" in c for c in claims)
+        assert any("no false alarm" in c for c in claims) and any("shrinks to at most 0.9" in c for c in claims)
         assert t.algebraic == (2, 3) and np.all(t.h[-1] < [0.0052, 0.018])
 
 

@@ -85,7 +85,7 @@ TH = (*C, "thresholds")
 #: Tables and certificate: what is changed, by how much, and what is refused.
 FALSE = {
     "contact": (
-        ((*T, "P", 1, 1, 0), 1.01, ""), ((*T, "P", 0, 0, 1), -1.0, ""), ((*T, "Q", 0, 1, 0), 0.5, ""),
+        ((*T, "P", 1, 1, 0), 1.01, ""), ((*T, "Q", 0, 1, 0), 0.5, ""),
         ((*T, "pivot", 1), 0.5, "energy gain"), ((*T, "pivot", 0), -1.0, "factors of the solved"),
         ((*T, "F", 1, 1, 0), 1.1, ""), ((*T, "K", 0, 0, 0), -1.0, ""), ((*T, "C", 0, 0), 1.02, ""),
         ((*T, "algebraic", 0), 1, "states that are solved for"), ((*T, "z_hi", 0), 4.0, "threshold row|not kept"),
@@ -98,8 +98,8 @@ FALSE = {
         ((*C, "energy", "contraction"), 0.99, "contraction at"), ((*C, "energy", "period"), 2.0, "period"),
         ((*C, "level"), 0.99, "claimed level")),
     "digester": (
-        ((*T, "h", -1, 1), 0.98, "bound 1 of row 11"), ((*T, "h", 3, 0), 0.98, "bound 0 of row 3"),
-        ((*T, "K", 2, 1, 1), -1.0, "not kept"), ((*T, "F", 0, 0, 0), 1.001, "not kept"),
+        ((*T, "h", -1, 1), 0.98, "bound 1 of row 11"),
+        ((*T, "F", 0, 0, 0), 1.001, "not kept"),
         ((*T, "known", 1, 0), 1.05, "not kept"), ((*T, "start"), 11, "initial box"),
         ((*T, "weights", "constants", 2), 0.99, "not kept"), ((*T, "weights", "constants", 5), 0.9, "not kept"),
         ((*C, "T1", 0, 3), 1.1, "initial box|not kept"), ((*TH, "P", 0, 0), 1.05, "not kept"),

@@ -144,7 +144,6 @@ def test_design_reads_back_and_tampering_is_seen(tmp_path):
     ('{ name = "level", range = [-3, 3] }', '{ name = "level" }', 'range of "level" in signals.y'),
     ('method = "mode-set"', 'method = "mode-set"\nages = 40', "observer.ages is 40, expected a number from 1 to 31"),
     ('method = "mode-set"', 'method = "mode-set"\norder = 3', "observer.order is no option of this method"),
-    ('method = "mode-set"', 'method = "hinf-filter"', 'Method "mode-set" finds it'),
     ('method = "mode-set"', 'method = "tnl-interval-lpv"', "D is not zero"),
     ('method = "mode-set"', 'method = "tnl-interval"', "the plant is continuous")])
 def test_refusals(old, new, words):
