@@ -419,7 +419,7 @@ static void starts(void)
     /*@ assert box: least.told_xi[7] <= again.told_xi[7] <= most.told_xi[7]; */
 }
 
-/* The modes apart, of the last sample and of this one; the last round has every value that is no mode. */
+/* Modes, if any, apart: of the last sample and of this one; the last round has every value that is no mode. */
 static void calls(void)
 {
     pushed_state s;

@@ -54,7 +54,7 @@ def proves(checker, name, t, sets, text=None):
             checker.check_energy(p, t["told"], q, cert, options, ranges)
 
 
-@pytest.mark.parametrize("name, layout", [("pushed", "literal"), ("parameter", "loop"), ("no input", "table"), ("between", "loop")])
+@pytest.mark.parametrize("name, layout", [("pushed", "literal"), ("no input", "table"), ("between", "loop")])
 def test_proves_thresholds_and_reads_the_c(name, layout, checker):
     _, t, sets, _ = given(name)
     proves(checker, name, t, sets)

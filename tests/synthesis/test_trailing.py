@@ -22,9 +22,9 @@ from codegen.plant.load import loads
 from codegen.report import trailing_words
 from codegen.report.firmware_words import _matrix
 from codegen.report.words import at_most
+from tests.helpers.driven import NOISY
 from tests.helpers.folders import built, write
 from tests.helpers.small_modes import exact_course
-from tests.helpers.driven import NOISY
 from tests.helpers.trailing import AGES, PLANTS, PUSHED, made, plant, tables
 
 RUNS, STEPS = 5, 45
@@ -99,7 +99,7 @@ class Deaf(TrailingObserver):
 @pytest.mark.parametrize("name", ["input", "between"])
 @pytest.mark.parametrize("observer, sound", [(Spoilt, True), (Settled, False), (Deaf, False)])
 def test_other_ways_lose_the_truth(name, observer, sound):
-    """A filter does not hold what has just begun in its mode, at a sample or inside; but where it goes on from anywhere."""
+    """A filter does not hold what has just begun in its mode, at a sample or inside, but where it is from anywhere."""
     assert (lost(name, tables(name, "float32"), observer=observer)[0] == 0) == sound
 
 
@@ -273,7 +273,7 @@ def test_tampering_with_a_design_is_caught(place, words):
 
 @pytest.mark.parametrize("old, new, words", [
     ("set_rows = 12", 'threshold = "calibrated"', "has to be proved"),
-    ("set_rows = 12", 'modes = "sliding"', 'expected "set"'),
+    ("set_rows = 12", 'modes = "sliding"', 'expected "set": sliding modes prove nothing'),
     ("minimum_dwell = 1", "", "no dwell time is declared"),
     ("Df = [[1], [0]]", "Df = [[1], [0]]\nDw = [[0.1], [0]]", "disturbances that are not in y")])
 def test_refusals(old, new, words):
