@@ -241,4 +241,22 @@ static inline void plant_observer(T(state) *s, uint32_t (*drawn_below)(uint32_t)
 }
 #endif
 
+#if CASE_HAS_FILTERS
+/* Filters anywhere, started in any way any time ago, of any modes if asked for; else they start from the boxes. */
+static inline void plant_filters(T(state) *s, int live, uint32_t (*drawn_below)(uint32_t))
+{
+    s->running = (live != 0) ? drawn_below(1U << M(MODES)) : 0U;
+    s->settled = drawn_below(M(MODES));
+    for (uint32_t q = 0U; q < M(MODES); q++)
+    {
+        s->told_stage[q] = drawn_below(M(STAGES));
+        s->told_since[q] = drawn_below(M(LAST) + 1U);
+    }
+    for (uint32_t i = 0U; i < M(NXI); i++)
+    {
+        s->told_xi[i] = (x_hi[0] - x_lo[0]) * (((T(real))drawn_below(4000U) / 2000) - 1);
+    }
+}
+#endif
+
 #endif

@@ -22,7 +22,7 @@ from run import UNIT_TESTS, case, folders  # noqa: E402
 
 #: Branches that no call takes, by family: a discrete plant changes its mode at samples, so that J is zero, and what is
 #: added to a box that a switch gives birth to is rounding.
-NEVER = {"follower": r"if \(added_(lo|hi)\[i\] [<>] 0\.0F?\)"}
+NEVER = dict.fromkeys(("follower", "trailing"), r"if \(added_(lo|hi)\[i\] [<>] 0\.0F?\)")
 MCDC = ["-fprofile-instr-generate", "-fcoverage-mapping", "-fcoverage-mcdc"]
 
 

@@ -3,6 +3,12 @@
  */
 
 #if CASE_BOXES
+#if CASE_HAS_FILTERS
+#define WIDTH 3 /* starts of all sizes */
+#else
+#define WIDTH 100
+#endif
+
 /* Boxes around everything (0), or far off on either side (1, 2), or narrow ones of some ages anywhere (3). */
 static void plant(bench *b, uint32_t what)
 {
@@ -15,6 +21,9 @@ static void plant(bench *b, uint32_t what)
 #if CASE_HAS_FRAMES
     plant_frames(b, what == 3U, draw);
 #endif
+#if CASE_HAS_FILTERS
+    plant_filters(&b->s, what == 3U, draw);
+#endif
     for (uint32_t q = 0U; q < M(MODES); q++)
     {
         b->s.alive[q] = (what == 3U) ? (1U + draw(whole.alive[q])) : whole.alive[q];
@@ -25,8 +34,18 @@ static void plant(bench *b, uint32_t what)
         const T(real) part = (x_hi[0] - x_lo[0]) * ((T(real))draw(4000U) / 1000);
 
         b->s.box_lo[i] = (what == 0U) ? whole.box_lo[i] : ((what == 3U) ? (part - (x_hi[0] - x_lo[0])) : far);
-        b->s.box_hi[i] = (what == 0U) ? whole.box_hi[i] : ((what == 3U) ? (b->s.box_lo[i] + (part / 100)) : far);
+        b->s.box_hi[i] = (what == 0U) ? whole.box_hi[i] : ((what == 3U) ? (b->s.box_lo[i] + (part / WIDTH)) : far);
     }
+#if CASE_HAS_FILTERS /* measured in the middle of one of the boxes, which begin with what is measured */
+    for (uint32_t i = 0U; i < M(NY); i++)
+    {
+        const uint32_t at = (draw(M(NSHAPE) / M(NX)) * M(NX)) + i;
+        const T(real) middle = (b->s.box_lo[at] / 2) + (b->s.box_hi[at] / 2);
+
+        b->in.y[i] = (middle < y_lo[i]) ? y_lo[i] : ((middle > y_hi[i]) ? y_hi[i] : middle);
+        b->in.y[i] = (what == 3U) ? b->in.y[i] : 0;
+    }
+#endif
 }
 #else
 /* No mode refuted (0), every one in two spans of time (1, 2), or any spans, with pairs anywhere (3). */

@@ -119,6 +119,9 @@ static void any_framers(T(state) *s)
 #if CASE_FOLLOWS
     plant_observer(s, draw);
 #endif
+#if CASE_HAS_FILTERS
+    plant_filters(s, 1, draw);
+#endif
     s->decided = draw(M(MODES));
 }
 #elif CASE_SLIDING

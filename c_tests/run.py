@@ -57,6 +57,7 @@ def case(record: dict) -> str:
              "boxes": "alive" in members, "sliding": "level" in members,
              "guided": record["family"] == "guided",
              "has_frames": "frame_lo" in members, "follows": "followed" in members,
+             "has_filters": "told_xi" in members,
              "has_origin": "origin" in members, "has_shape": "shape" in members,
              "bank": record["family"] == "bank",
              "square_shape": record["family"].startswith("ellipsoid"), "signed_shape": record["family"] != "box",

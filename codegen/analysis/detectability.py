@@ -143,7 +143,6 @@ def surely_detected(plant, t, cert: dict, within: int = 3) -> list[SureFault]:
             for f, by in zip(plant.f, result)]
 
 
-
 def limited(cert: dict) -> tuple[float, float] | None:
     """The (tau, N0) of a certificate whose claim rests on it; None for arbitrary switching."""
     if cert["dwell_add"] <= cert["dwell_drain"] or cert["rho"] <= 1:

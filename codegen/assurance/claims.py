@@ -30,6 +30,7 @@ from . import (
     polytopic_claims,
     sampling_claims,
     sliding_claims,
+    trailing_claims,
 )
 from .margins import Margin
 
@@ -42,7 +43,7 @@ MATRICES = ("A", "B", "C", "D", "Bw", "Dv")
 #: Families whose certificate has claims of its own.
 OWN = {"filter": filter_claims, "mode": mode_claims, "driven": driven_claims, "polytopic": polytopic_claims,
        "descriptor": polytopic_claims, "sliding": sliding_claims, "bank": bank_claims, "follower": follower_claims,
-       "guided": guided_claims}
+       "guided": guided_claims, "trailing": trailing_claims}
 PLANT = (*MATRICES, "signals.x", "signals.u", "signals.y", "signals.w", "signals.v", "mode.bounds", "constants")
 
 

@@ -48,8 +48,8 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
         "of every mode sequence that is admitted and for every value of what is uncertain.",
         "g |d|^2 - |z|^2 + V_a(x) - V_b(x+) > sum of s' T s - p' T p + 2 s' G p of what is uncertain, T >= 0, G skew, "
         "on every edge a -> b; level^2 >= g", "Farhat and Koenig (2016), bounded real inequality per edge, corrected",
-        "codegen.certify.switched_gain.check_gain", energy(design.plant, t, cert), (*plant, *PLANT, *FAULTS), GAINS,
-        own)
+        "codegen.certify.switched_gain.check_gain", energy(filter_designs.inequalities(design.plant, t, cert), cert),
+        (*plant, *PLANT, *FAULTS), GAINS, own)
     if "calibration" in cert:
         yield "not proved but calibrated", claim(
             "calibrated", "The last row is what simulated runs without fault give; the rows of the starts are proved.",
@@ -75,10 +75,10 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
         constants=("limit",), checks=(*own, "prove"))
 
 
-def energy(plant, t, cert: dict) -> list[Margin]:
+def energy(inequalities, cert: dict) -> list[Margin]:
     """The matrix inequality of every edge, its Lyapunov matrices, and the level."""
     pivots: dict[str, list] = {"Lyapunov matrix": [], "edge": []}
-    for kind, where, S in filter_designs.inequalities(plant, t, cert):
+    for kind, where, S in inequalities:
         pivots[kind] += [(pivot, f"{where}, row {i}") for i, pivot in enumerate(_pivots(S))]
     return [tightest("smallest pivot of a Lyapunov matrix", pivots["Lyapunov matrix"], strict=True),
             tightest("smallest pivot of the matrix inequality", pivots["edge"], strict=True),
@@ -88,17 +88,22 @@ def energy(plant, t, cert: dict) -> list[Margin]:
 
 def thresholds(plant, t, cert: dict) -> dict[str, list[Margin]]:
     """What the set keeps, the thresholds, the last of them, the limits, and where init starts."""
+    return held(filter_designs.demands(plant, t, cert), "in the end")
+
+
+def held(demands, last: str) -> dict[str, list[Margin]]:
+    """The same of any demands; ``last`` is how those of the last thresholds say when they are."""
     cases: dict[str, list] = {"kept": [], "threshold": [], "last": [], "limit": [], "start": []}
-    for demand in filter_designs.demands(plant, t, cert):
+    for demand in demands:
         demand.require()
         left = [(Q(a) - Q(b), f"{list(map(int, i))}, {demand.when}") for (i, a), b in zip(
             np.ndenumerate(demand.given), demand.needed.ravel())]
         cases[demand.what] += left
-        if demand.when == "in the end":
+        if demand.what == "threshold" and demand.when.startswith(last):
             cases["last"] += left
     what = {"kept": "bound of the set beyond what a step makes of it", "threshold": "threshold beyond the estimate",
             "last": "last threshold beyond the estimate", "limit": "limit beyond the bound of xi",
-            "start": "bounds that init takes beyond those of the initial box"}
+            "start": "what a start takes beyond what it needs"}
     return {k: [tightest(what[k], v, strict=k == "limit")] for k, v in cases.items()}
 
 

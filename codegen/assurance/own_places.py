@@ -15,7 +15,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..emit import driven_parts, filter_parts, follower_parts, guided_parts, point_parts
+from ..emit import driven_parts, filter_parts, follower_parts, guided_parts, point_parts, trailing_parts
 from ..emit.maps import MapSpec, Names
 from ..emit.render import render
 from ..emit.varying import Varying
@@ -31,7 +31,8 @@ from .symbolic import Coefficient, number
 OFFLINE = {"S", "S_rounded"}
 #: What the maps of a filter hold.
 READ_BY_MAPS = {"M", "G", "L", "K", "Du", "Dy"}
-
+#: What starts, thresholds and limits of filters beside a mode estimator are made of.
+OF_A_START = ("E", "sizes", "h", "limit", "grow", "floor")
 
 #: Boxes that the C of a family holds as they are in the tables.
 PRINTED = dict.fromkeys(("sliding", "guided"), {"x_lo", "x_hi", "x0_lo", "x0_hi"})
@@ -47,6 +48,8 @@ def maps(family: str, t, names: Names, d) -> tuple[MapSpec | Varying, ...]:
         return guided_parts.maps(t.told, guided_parts.inner_names(names), d.x, d.y)
     if family == "driven":
         return driven_parts.maps(t.told, names, d.x, d.y)
+    if family == "trailing":
+        return trailing_parts.maps(t.told, names, next(z.faults for z in d.sets))
     return filter_parts.maps(t, names, next(z.faults for z in d.sets)) if family == "filter" else ()
 
 
@@ -89,6 +92,8 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
         known = {k: v for k, v in known.items() if k != "square" or t.by_squares}
     elif design.observer.family == "driven":
         known |= {"frame_limit": t.told.box, "forth": t.S_rounded}  # as the C calls them
+    elif design.observer.family == "trailing":
+        known |= {"x_lo": t.x_lo, "x_hi": t.x_hi} | {f"told_{name}": getattr(t.told, name) for name in OF_A_START}
     seen = set(READ_BY_MAPS) if design.observer.family == "filter" else set()
     defined = read_macros(source, d.macro, d.real, known, found)
     seen |= defined

@@ -79,7 +79,7 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
         specs = (point_parts.maps(t, names, d.x, d.y) if points else own_places.maps(family, t, names, d) if whole
                  else _maps(family, t, names, d))
         moved = getattr(t, "told", t)  # tables of the maps
-        part = found.part("told_") if family in ("follower", "guided") else found
+        part = found.part("told_") if family in ("follower", "guided", "trailing") else found
         for spec in specs:
             for q, mode in enumerate(names.modes):
                 if isinstance(spec, Varying):
@@ -152,7 +152,7 @@ class _Found:
 def _read_map(source: Source, spec: MapSpec, q: int, mode: str, found: _Found) -> None:
     """Execute a map in one mode and compare every row of both framers with the tables."""
     prefix = spec.names.prefix
-    machine = Machine(source, spec.names.real, {"in->mode": q, "s->mode": q}, skip=apart(prefix))
+    machine = Machine(source, spec.names.real, {"in->mode": q, "s->mode": q, "mode": q}, skip=apart(prefix))
     machine.call(spec.name)
     for side in spec.sides:
         ends = {"lo": SIDES, "hi": SIDES[::-1]}.get(side)

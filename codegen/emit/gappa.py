@@ -32,6 +32,7 @@ from . import (
     gappa_sums,
     guided_parts,
     point_parts,
+    trailing_parts,
 )
 from .gappa_sums import SIDES, Magnitude, Sum
 from .maps import MapSpec, Names
@@ -57,6 +58,8 @@ ABOUT_DRIVEN = ("operation rounded and once exact. What they may differ by is th
 ABOUT_FOLLOWER = ("operation rounded and once exact. What they may differ by is the margin: of the estimate what the",
                   "set of errors gets, of the boxes what they gain for the rounding of this sum. All layouts calculate",
                   "these sums: a")
+ABOUT_TRAILING = ("operation rounded and once exact. What they may differ by is the margin: of filters what thresholds",
+                  "hold, of the boxes what they gain for the rounding of this sum. All layouts calculate these sums: a")
 ABOUT_GUIDED = ("operation rounded and once exact. What they may differ by is the margin: of the framers what their",
                 "offsets leave over, of the pairs what offsets and bounds of the noise hold for the rounding of this",
                 "sum, while the decision is right. All layouts calculate these sums: a")
@@ -146,6 +149,8 @@ def rounding(design, d: DesignView) -> RoundingView:
             return _of_guided(design.plant, t, names, d)
         if d.family == "follower":
             return _of_follower(design.plant, t, names, d)
+        if d.family == "trailing":
+            return _of_trailing(design.plant, t, names, d)
         about = _of_points if hasattr(t, "shape") else {"filter": _of_filter, "mode": _of_boxes,
                                                         "sliding": _of_pairs}[d.family]
         modes = (design.plant if d.family in ("mode", "sliding") else design.plant.enclosed.observed).modes
@@ -186,14 +191,19 @@ def _of_points(modes, t, names: Names, d: DesignView) -> RoundingView:
 
 def _of_filter(modes, t, names: Names, d: DesignView) -> RoundingView:
     """State the sums of a filter; the margin of each is what its thresholds hold for the rounding."""
-    rows, specs = [], filter_parts.maps(t, names, next(z.faults for z in d.sets))
+    return _of_sums(t, names, filter_parts.maps(t, names, next(z.faults for z in d.sets)))
+
+
+def _of_sums(t, names: Names, specs: tuple[MapSpec, ...]) -> RoundingView:
+    """State estimate and step of filters, the tables of which are ``t``."""
+    rows: list[Row] = []
     for spec, which in zip(specs, ("estimate", "forward")):
         margins = {(spec.offset.name, q, ""): [down(x) for x in rounding_of(t, which, q)]
                    for q in range(len(names.modes))}
         for i in range(len(spec.rows)):
             rows += _rows(spec, "", i, [gappa_sums.row(spec, t, q, "", i) for q in range(len(names.modes))], margins)
     operands = dict.fromkeys(operand for spec in specs for operand in gappa_sums.operands(spec, t, t.limit))
-    return RoundingView(FORMAT[d.real], tuple(Operand(*o) for o in operands), (), tuple(rows),
+    return RoundingView(FORMAT[t.real], tuple(Operand(*o) for o in operands), (), tuple(rows),
                         float(np.finfo(t.dtype).max).hex(), ABOUT_FILTERS, LAST_POINTS)
 
 
@@ -255,6 +265,19 @@ def _of_follower(plant, t, names: Names, d: DesignView) -> RoundingView:
                    for k, b in enumerate(t.told.box.astype(float)) for side in SIDES)
     rows = (*(_row(s.name, s.note, s.terms, s.margin) for s in boxes), *told.rows)
     return replace(told, operands=(*operands.values(), *bounds), rows=rows, about=ABOUT_FOLLOWER)
+
+
+def _of_trailing(plant, t, names: Names, d: DesignView) -> RoundingView:
+    """State the sums of the estimator, of the filter of every mode, and of its start."""
+    told = _of_sums(t.told, names, trailing_parts.maps(t.told, names, next(z.faults for z in d.sets)))
+    boxes = itertools.chain(gappa_boxes.sums(plant.modes, t, names.prefix), gappa_boxes.begun(
+        t.told, names.prefix, names.modes))
+    operands = {name: Operand(name, *ends) for name, *ends in gappa_boxes.operands(t)}
+    operands = {o.name: o for o in told.operands} | operands  # what is accepted, is by both
+    centre = tuple(Operand(f"centre_{k}", float(lo).hex(), float(hi).hex()) for k, (lo, hi) in enumerate(zip(
+        t.told.x_lo, t.told.x_hi)))
+    rows = (*(_row(s.name, s.note, s.terms, s.margin) for s in boxes), *told.rows)
+    return replace(told, operands=(*operands.values(), *centre), rows=rows, about=ABOUT_TRAILING)
 
 
 def _own_magnitudes(row: Row) -> Row:

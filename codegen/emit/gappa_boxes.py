@@ -15,6 +15,7 @@ import numpy as np
 from flint import fmpq
 
 from ..certify.exact import Q, down
+from ..certify.loose_filter import rounded_start
 from ..certify.rounding import UNIT
 from .gappa_sums import SIDES, _join, _product
 
@@ -98,6 +99,26 @@ def narrowed(t, prefix: str, of: str = "s_x", whose: str = "framers") -> Iterato
             terms = [*_image(row, side, of), _number(_outward(t.xi_room[i], side))]
             yield BoxSum(f"{prefix}_narrowed_{side}_{i}", f"xi[{i}] of {whose}, {side}", _join(terms),
                          down(gamma * size + tiny))
+
+
+def begun(t, prefix: str, modes: tuple[str, ...]) -> Iterator[BoxSum]:
+    """State what filters make of the centre of bounds at a start.
+
+    Parameters
+    ----------
+    t : LooseFilter
+    prefix : str
+    modes : tuple of str
+
+    Yields
+    ------
+    BoxSum
+        Of the numbers ``centre``, which are within the declared range.
+    """
+    _, lost = rounded_start(t)
+    for q, (E, mode) in enumerate(zip(t.E, modes)):
+        yield from (BoxSum(f"{prefix}_begun_{i}_mode_{q}", f'xi[{i}] at a start, mode "{mode}"', _join(
+            _row(row, "centre")), down(lost[q, i])) for i, row in enumerate(E))
 
 
 def operands(t) -> Iterator[tuple[str, str, str]]:

@@ -206,6 +206,17 @@ def follower(t, members: dict[str, str]) -> Ranges:
         *inner.about), kept)
 
 
+def trailing(t, members: dict[str, str]) -> Ranges:
+    """Boxes alike; states of the filters, each compared with its limit; how they started, since when, which run."""
+    boxes, told, count = modes(t, members), t.told, len(t.Phi)
+    most = np.tile(told.limit, count)
+    words = {"told_stage": told.anywhere, "told_since": told.last, "settled": count - 1, "running": 2**count - 1}
+    return Ranges(boxes.numbers | {"told_xi": (-most, most)}, boxes.words | words, (
+        "When a call ends each box has been cut to its limits and carried over one period, or is one of the",
+        "boxes to start from, or has been found empty; each number of a filter's state has been compared with its",
+        "limit. From there Eva shows that all stays finite."))
+
+
 def narrowed(t) -> dict:
     """Ends of boxes that are cut to S x of bounds within the box of framers or of an observer, too."""
     image = np.abs(t.S_rounded.astype(float)) @ t.told.box.astype(float) + 2 * t.xi_room.astype(float)
@@ -242,4 +253,4 @@ def _origin(t) -> dict:
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "starts": thresholds, "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
           "mode": modes, "driven": driven, "follower": follower, "polytopic": polytopic, "descriptor": polytopic,
-          "sliding": pairs, "guided": guided, "bank": bank}
+          "sliding": pairs, "guided": guided, "bank": bank, "trailing": trailing}

@@ -72,6 +72,14 @@ class LooseFilter:
     y_lo: Array
     y_hi: Array
 
+    #: No parameters, no other coordinates (``FramerTables``).
+    vary = change = None
+
+    @property
+    def box(self) -> Array:
+        """Bounds of x: the declared range."""
+        return self.x_hi
+
     @property
     def dtype(self) -> np.dtype:
         """The numpy type of the tables."""

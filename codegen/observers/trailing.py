@@ -90,7 +90,6 @@ class TrailingObserver(ModeObserver):
     family = "trailing"
     tables_class = TrailingTables
     trace_class = TrailingTrace
-    stated = False
 
     def empty(self, t, shape: tuple[int, ...]) -> TrailingTrace:
         """Allocate the answers of runs of the given leading shape."""

@@ -55,7 +55,7 @@ def tables(design, real: str) -> tuple[Table, ...]:
 
 
 def _paced(cert: dict) -> tuple[Table, ...]:
-    """Tabulate what was measured of framers in the mode decided for; nothing of an estimator alone."""
+    """Tabulate what was measured of an observer in the mode decided for; nothing of an estimator alone."""
     if "paced" not in cert:
         return ()
     rows = [(words.seconds(c["dwell"]), words.integer(c["switches"]), _time(c["median"]),
@@ -65,7 +65,7 @@ def _paced(cert: dict) -> tuple[Table, ...]:
     head = ("least dwell time", "#switches", "#median delay", "#longest delay", "#samples with a wrong mode",
             "#samples with a false alarm", "#samples with a lost state")
     notes = ("Measured, not proved: the whole observer at its own period and noise, no fault, otherwise as above. "
-             "Every alarm is a false one: framers of a mode that is true no more contradict the measurement.",)
+             "Every alarm is a false one: the observer of a mode that is true no more contradicts the measurement.",)
     return (table("What wrong decisions do to the bounds and alarms: as measured", head, rows, notes),)
 
 

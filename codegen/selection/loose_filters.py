@@ -112,7 +112,7 @@ def frozen(plant: Plant, constants: dict[str, Array], mode, real: str, most: int
     CertificateError
         The exact check refuses the thresholds.
     """
-    modes, kind = plant.observed.modes, np.finfo(real)
+    modes, kind = plant.enclosed.observed.modes, np.finfo(real)
     E = np.array([follows(m.A, m.C, *(constants[k][q].astype(float) for k in ("M", "L", "K", "Dy")))
                   for q, m in enumerate(modes)]).astype(real)
     ranges = {f"{v}_{side}": getattr(mode, f"{v}_{side}") for v in "xuy" for side in ("lo", "hi")}

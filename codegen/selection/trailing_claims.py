@@ -23,7 +23,7 @@ def staying(plant: Plant) -> tuple[Plant, Automaton]:
 
 def demands(plant: Plant, t: TrailingTables, cert: dict) -> Iterator[Demand]:
     """The conditions of the thresholds (``loose_filter.demands``)."""
-    return loose_filter.demands(plant.observed.modes, t.told, cert["told"]["sets"])
+    return loose_filter.demands(plant.enclosed.observed.modes, t.told, cert["told"]["sets"])
 
 
 def check(plant: Plant, t: TrailingTables, cert: dict) -> list[str]:
@@ -52,11 +52,12 @@ def sentences(plant: Plant, t: TrailingTables, cert: dict) -> list[str]:
     own, target = t.told, "W_f f" if "target" in plant.options else "f"
     unsure = ", whatever the parameters do within their bounds" * bool(plant.theta)
     weighted = " (disturbances, noises and inputs before their weight W_d)" if "colour" in plant.options else ""
+    left = " (with what constant matrices leave out of a period)" * (plant.kind == "continuous")
     last = "; ".join(f"{m.name}: " + ", ".join(f"{float(h):.4g}" for h in row)
                      for m, row in zip(plant.modes, own.h[:, -1].max(axis=0)))
     return [f"energy: in a mode that stays, the decision right, from rest sum |f_hat - {target}|^2 <= "
-            f"{cert['told']['level']:.6g}^2 sum |d|^2, d all disturbances, noises, inputs and faults{weighted} in "
-            f"units of their largest sizes, f in units of its range{unsure} (rounding of sums apart)",
+            f"{cert['told']['level']:.6g}^2 sum |d|^2, d all disturbances{left}, noises, inputs and faults{weighted} "
+            f"in units of their largest sizes, f in units of its range{unsure} (rounding of sums apart)",
             "while no fault acts and out->mode is the true mode, no |f_hat| exceeds its f_bound, whatever the "
             f"switching{unsure}, rounding included ({own.real}, with or without fused multiply-add)",
             "a mode whose filter estimates more than is possible without a fault is ruled out, but for having begun "

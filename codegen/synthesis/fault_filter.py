@@ -41,12 +41,11 @@ def inapplicable(plant) -> str | None:
     """Why a plant cannot have this filter, with what to change; None if it can."""
     if plant.polytope is not None:
         return POLYTOPIC
+    if not plant.switching.known and plant.options.get("modes") == "sliding":
+        return ('observer.modes is "sliding", expected "set": sliding modes prove nothing of their decision, so no '
+                "start of a filter would hold the plant, and no bound its estimate. Leave it out.")
     if not plant.switching.known and (reason := mode_set.inapplicable(plant)) is not None:
         return f"the mode is not known at run time, and it cannot be found there: {reason}"
-    if not plant.switching.known and plant.kind != "discrete":
-        return ("the plant is continuous and nobody tells its mode, expected one at most: the table of a filter's "
-                'start is proved for discrete plants alone. Use method "zonotope", which takes modes = "set" and '
-                '"sliding".')
     if (reason := basic_reason(plant)) is not None:
         return reason
     if not plant.f:

@@ -23,6 +23,7 @@ from helpers.table_numbers import (
     every_number_of_framers,
     every_number_of_guided,
     every_number_of_the_family,
+    every_number_of_trailing,
 )
 
 import codegen
@@ -142,6 +143,9 @@ def test_every_number_of_the_tables_is_there(folder, made):
         return
     if family_of(folder) == "follower":
         every_number_of_follower(t, found, [m.name for m in design.plant.modes])
+        return
+    if family_of(folder) == "trailing":
+        every_number_of_trailing(t, found, [m.name for m in design.plant.modes])
         return
     if folder in OTHERS:
         every_number_of_the_family(t, found, [m.name for m in design.plant.modes])

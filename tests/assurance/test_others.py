@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers import banks, driven, follower, guided, small_sliding, solved
+from helpers import banks, driven, follower, guided, small_sliding, solved, trailing
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import stand_in
 from helpers.table_numbers import every_number_of_the_family
@@ -32,7 +32,8 @@ KINDS = [(*case, real) for case in CASES for real in ("float32", "float64")]
 KINDS += [("follower: box", "loop", "float64"), ("follower: ellipsoid", "table", "float32"),
           ("follower: trace", "literal", "float64"), ("follower: table", "loop", "float32"),
           ("guided: parameters", "table", "float32"), ("guided: no input, two outputs", "loop", "float64"),
-          ("guided: turned", "literal", "float32"), ("turned", "table", "float32")]
+          ("guided: turned", "literal", "float32"), ("turned", "table", "float32"),
+          ("pushed_hinf-filter", "literal", "float32"), ("trailing: no input", "loop", "float64")]
 folders = pytest.mark.parametrize("folder", OTHERS, ids=lambda f: f.name)
 
 
@@ -44,6 +45,8 @@ def design_of(name):
         return small_sliding.stand_in(name.removeprefix("sliding: "))
     if name.startswith("guided: "):
         return guided.stand_in(name.removeprefix("guided: "))
+    if name.startswith("trailing: "):
+        return trailing.stand_in(name.removeprefix("trailing: "))
     if name.startswith("follower: "):
         return follower.stand_in(name.removeprefix("follower: "))
     if name == "two pivots":
@@ -134,6 +137,12 @@ CHANGED = {
         ("(half[i] > widest[i])", "(half[i] < widest[i])"), ("above[i] + xi_room[i]", "above[i]"),
         ("* 1.0000005F)", "* 1.0000004F)"), ("(0.5F * lo[i])", "(0.25F * lo[i])"), ("(age == 0U) && (q ==", "(q =="),
         ("s->followed = VALVE_MODES;", "s->followed = 0U;"), ("valve_told_cut(out->x_hat);", "")),
+    "pushed_hinf-filter": (
+        ("in, q, f_hat);", "in, 0U, f_hat);"), ("s->alive[q] &= 1U;", "s->alive[q] = 0U;"),
+        ("* 1.0000005F)", "* 1.0000004F)"), ("told_since[q] >> 1U", "told_since[q] >> 2U"),
+        ("<= largest[k]", "< largest[k]"), ("(E[q][j][i] * lo[i])", "(E[q][i][j] * lo[i])"),
+        ("(0.5F * last)", "(0.25F * last)"), ("s->decided = s->settled;", ""),
+        ("(k[1] * xi[0])", "(k[2] * xi[0])"), ("threshold[stage][row][q]", "threshold[0U][row][q]")),
     "parameters": (
         ("(M_0_1 * s->x_lo[1]) - apart_0", "(M_0_1 * s->x_hi[1]) - apart_0"), ("th_0 = s->theta[0]", "th_0 = s->u[0]"),
         ("+ (k[10] * a_0)", "+ (k[11] * a_0)"), ("valve_cut_x(out->x_lo, out->x_hi);\n}", "}"),
@@ -160,7 +169,7 @@ def test_a_changed_c_is_refused(name):
 
 
 #: With many numbers in tables.
-TABLED = [n for n in CHANGED if not re.search("bank|contact|pivot|turned|guided", n)]
+TABLED = [n for n in CHANGED if not re.search("bank|contact|pivot|turned|guided|pushed", n)]
 
 
 @pytest.mark.parametrize("name", TABLED)
@@ -287,6 +296,21 @@ FALSE = {
         *(("told", key, lambda x, f=factor: f * x, words) for key, factor, words in (
             ("d_hi", 0.99, "framers: offset d"), ("a_lo", 0.99, "framers: offset a"), ("M_lo", 1.01, "framers: off"),
             ("box", 0.99, "ranges of x|state box"), ("y_hi", 0.99, "y_hi"))),
+        ("certificate", "worst", lambda k: k - 1, "identified: worst delay")),
+    "trailing": (
+        *(("tables", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("reach", 0.5, "reach of mode"), ("birth", 0.5, "birth from"), ("x_room", 0.1, "x_room"),
+            ("start_hi", 0.999, "start"))),
+        *(("told", key, lambda x, f=factor: f * x, words) for key, factor, words in (
+            ("h", 0.99, "estimate of fault 0"), ("K", 1.02, "estimate of fault 0"), ("M", 1.05, "not kept"),
+            ("E", 1.2, "start of size"), ("sizes", 0.99, "declared range"), ("limit", 0.01, "limit"),
+            ("grow", 0.9999, "grow"), ("floor", 0.01, "floor"), ("y_hi", 0.99, "ranges of inputs"),
+            ("x_lo", 0.9, "ranges of the filters"))),
+        ("certificate", "told", lambda c: c | {"level": 0.999 * c["level"]}, "energy: square of the claimed level"),
+        ("certificate", "told", lambda c: c | {"energy": c["energy"] | {"level2": 0.99 * c["energy"]["level2"]}},
+         "energy: smallest pivot of the matrix"),
+        ("certificate", "told", lambda c: c | {"sets": [s | {"bounds": [0.98 * b for b in s["bounds"]]}
+                                                       for s in c["sets"]]}, "not kept"),
         ("certificate", "worst", lambda k: k - 1, "identified: worst delay")),
     "follower": (
         *(("tables", key, lambda x, f=factor: f * x, words) for key, factor, words in (

@@ -45,11 +45,10 @@ def tables(name: str, real: str) -> GuidedPointTables:
     return guided(GuidedPointTables, small_sliding.tables(CASES[name][0], real), own, set=cert["set"])
 
 
-def stand_in(name: str, supervision=None, prefix: str = "") -> Design:
-    """A design whose certificate has nothing in it."""
-    p = plant(name)
-    p = replace(p, target=replace(p.target, prefix=prefix or p.target.prefix))
-    made = {real: tables(name, real) for real in ("float32", "float64")}
+def stand_in(name: str, real: str, supervision=None) -> Design:
+    """A design of one number type whose certificate has nothing in it."""
+    p, made = plant(name), {real: tables(name, real)}
+    p = replace(p, target=replace(p.target, real=real))
     return Design(p, "zonotope", GuidedPointObserver(made, replace(supervision or Supervision(), assures=False)),
                   {real: {"kind": "sliding", "told": {}} for real in made}, {real: ["own words"] for real in made},
                   {real: [] for real in made})

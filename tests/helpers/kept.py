@@ -29,8 +29,8 @@ def first_of_each(folders: list[Path]) -> list[Path]:
 
 
 def whole(folders: list[Path]) -> list[Path]:
-    """Leave out the family "sliding", whose C is all in that of framers that it guides."""
-    return [f for f in folders if family_of(f) != "sliding"]
+    """Leave out mode estimators by themselves, whose C is all in that of what they guide or what runs beside them."""
+    return [f for f in folders if family_of(f) not in ("sliding", "mode")]
 
 
 POINTS = [f for f in KEPT if json.loads((f / "design.json").read_text())["tables"]["float32"].get("shape")]

@@ -91,6 +91,15 @@ def every_number_of_follower(t, found, modes):
         key: v for key, v in found.items() if not key[0].startswith("told_")}, modes)
 
 
+def every_number_of_trailing(t, found, modes):
+    """Those of the filters, each by the name that keeps it apart, and of the estimator."""
+    told = {(key[0].removeprefix("told_"), *key[1:]): v for key, v in found.items() if key[0].startswith("told_")}
+    own = ("M", "G", "L", "K", "Du", "Dy", "E", "sizes", "h", "limit", "grow", "floor")
+    every_number_of_the_family(SimpleNamespace(**{k: getattr(t.told, k) for k in own}), told, modes)
+    every_number_of_the_family(SimpleNamespace(**{k: v for k, v in vars(t).items() if k != "told"}), {
+        key: v for key, v in found.items() if not key[0].startswith("told_")}, modes)
+
+
 def every_number_of_a_bank(t, found):
     """All numbers of all members, thresholds, limits, weights and ranges of the input check, and none beside."""
     expected = {("rate", ""): t.rate} | {("weights", "", k): c for k, c in enumerate(t.weights.constants)}

@@ -10,70 +10,39 @@ import numpy as np
 from codegen.designs import Design
 from codegen.observers import ModeTables, Supervision, TrailingObserver, TrailingTables
 from codegen.plant.bounded import bounded
-from codegen.plant.load import loads
+from codegen.plant.load import load, loads
 from codegen.selection.loose_filters import frozen
 from codegen.synthesis.mode_tables import tables_of
 
 from .driven import DISCRETE, NOISY
 from .follower import WIDE
+from .small_modes import TEXT
 
-#: Two modes, both states measured, a fault of a sensor: noise is larger than what a step of the disturbance does.
-PUSHED = """
-format = 1
-name = "pushed"
-[time]
-kind = "discrete"
-sample_period = 0.1
-[signals]
-x = [{ name = "a", range = [-3, 3] }, { name = "b", range = [-3, 3] }]
-u = [{ name = "push", range = [0.5, 1.5] }]
-y = [{ name = "a", range = [-5, 5] }, { name = "b", range = [-5, 5] }]
-w = [{ name = "gust", bounds = [-0.01, 0.01] }]
-v = [{ name = "n1", bounds = [-0.01, 0.01] }, { name = "n2", bounds = [-0.01, 0.01] }]
-f = [{ name = "sensor", range = [-1, 1] }]
-[initial]
-x_lo = [-0.1, -0.1]
-x_hi = [0.1, 0.1]
-[common]
-C  = [[1, 0], [0, 1]]
-Dv = [[1, 0], [0, 1]]
-Df = [[1], [0]]
-Bw = [[0.5], [1]]
-[[mode]]
-name = "left"
-A = [[0.7, 0.1], [0, 0.6]]
-B = [[0.3], [0.2]]
-[[mode]]
-name = "right"
-A = [[0.6, 0], [0.2, 0.7]]
-B = [[-0.3], [0.1]]
-[switching]
-known = false
-minimum_dwell = 1
-[observer]
-method = "hinf-filter"
-set_rows = 12
-[[scenario]]
-name  = "turned round"
-steps = 200
-mode  = [[0, "left"], [60, "right"], [120, "left"], [130, "right"]]
-u     = ["1 + 0.5*sin(0.7*k)"]
-w     = "corner"
-v     = "corner"
-[[scenario]]
-name  = "sensor fault"
-steps = 150
-mode  = [[0, "left"], [40, "right"]]
-u     = ["1 + 0.5*sin(0.7*k)"]
-w     = "uniform"
-v     = "uniform"
-fault = [{ channel = "sensor", from = 80, to = 120, value = "0.3" }]
-"""
+
+def replaced(text: str, *changes: tuple[str, str]) -> str:
+    """A text with other words, each of which it has."""
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new)
+    return text
+
+
+#: The gallery plant with both states measured, the fault on one of them, and modes that take longer to tell apart.
+PUSHED = replaced(
+    load("pushed").text, ("Dv = [[1]]\nDf = [[1]]", "Dv = [[1, 0], [0, 1]]\nDf = [[1], [0]]"), (
+        'y = [{ name = "a", range = [-5, 5] }]',
+        'y = [{ name = "a", range = [-5, 5] }, { name = "b", range = [-5, 5] }]'), (
+        'v = [{ name = "noise", bounds = [-0.01, 0.01] }]',
+        'v = [{ name = "n1", bounds = [-0.01, 0.01] }, { name = "n2", bounds = [-0.01, 0.01] }]'), (
+        "C  = [[1, 0]]", "C  = [[1, 0], [0, 1]]"),
+    ("A = [[0.6, 0.1], [0, 0.5]]\nB = [[0.5], [0.2]]", "A = [[0.7, 0.1], [0, 0.6]]\nB = [[0.3], [0.2]]"),
+    ("A = [[0.5, -0.1], [0.1, 0.6]]\nB = [[-0.5], [-0.2]]", "A = [[0.6, 0], [0.2, 0.7]]\nB = [[-0.3], [0.1]]"))
 PLANTS = {"input": DISCRETE.replace(*NOISY), "no input": WIDE.replace(
     "[initial]", 'f = [{ name = "sensor", range = [-1, 1] }, { name = "pipe", range = [-1, 1] }]\n[initial]').replace(
     "Dv = ", "Df = [[1, 0], [0, 1]]\nDv = "), "parameter": DISCRETE.replace(*NOISY).replace(
     "f = [{", 'theta = [{ name = "wear", bounds = [-0.02, 0.03], measured = false }]\nf = [{').replace(
     "[[0.8, 0.2], [0.1, 0.5]]", '[["0.8 + wear", 0.2], [0.1, 0.5]]'), "pushed": PUSHED}
+PLANTS["between"] = TEXT.replace(*NOISY)  # a continuous one: switches at any instant
 AGES, ROWS = 3, 10
 
 
@@ -87,11 +56,11 @@ def made(name: str, real: str):
     """Tables, and what proves the thresholds; what the measurement is beyond the observer's is the fault."""
     p = plant(name)
     mode = tables_of(ModeTables, bounded(p), AGES, real)
-    C, n_f = p.modes[0].C, p.n_f
-    L = [0.5 * m.A @ np.linalg.pinv(C) * (np.arange(p.n_y) >= (name == "pushed")) for m in p.modes]
-    parts = {"M": [m.A - g @ C for m, g in zip(p.modes, L)], "L": L,
-             "G": [m.B - g @ m.D for m, g in zip(p.modes, L)], "K": [-C[:n_f]] * p.n_modes,
-             "Dy": [np.eye(p.n_y)[:n_f]] * p.n_modes, "Du": [-m.D[:n_f] for m in p.modes]}
+    C, n_f, modes = p.modes[0].C, p.n_f, p.enclosed.modes
+    L = [0.5 * m.A @ np.linalg.pinv(C) * (np.arange(p.n_y) >= (name == "pushed")) for m in modes]
+    parts = {"M": [m.A - g @ C for m, g in zip(modes, L)], "L": L,
+             "G": [m.B - g @ m.D for m, g in zip(modes, L)], "K": [-C[:n_f]] * p.n_modes,
+             "Dy": [np.eye(p.n_y)[:n_f]] * p.n_modes, "Du": [-m.D[:n_f] for m in modes]}
     own, certs = frozen(p, {k: np.array(v).astype(real) for k, v in parts.items()}, mode, real, ROWS)
     return TrailingTables(**vars(mode), told=own), certs
 

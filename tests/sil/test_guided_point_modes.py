@@ -18,11 +18,10 @@ from codegen.observers import Supervision
 GUARDED = Supervision(debounce=(2, 3), latch=False, recover=4, hold=3)
 
 
-@pytest.mark.parametrize("name, real, layout", [("zonotope", "float64", "literal"), ("table", "float32", "loop"),
-                                                ("trace", "float32", "table")])
+@pytest.mark.parametrize("name, real, layout", [("table", "float64", "loop"), ("trace", "float32", "literal")])
 def test_c_equals_the_reference(name, real, layout, tmp_path):
-    """A set that is computed, one that is listed, with N; one with squares, with an input and another initial box."""
-    design = stand_in(name, GUARDED)
+    """A set that is listed, with N; one that is computed, with an input."""
+    design = stand_in(name, real, GUARDED)
     u, y, q = signals(design, real, 6, 45)
     reference = design.observer.run_many(u, y, q, real)
     driver = built(design, tmp_path, real, layout)
@@ -40,19 +39,17 @@ def test_c_equals_the_reference(name, real, layout, tmp_path):
 
 MUTANTS = {
     "observer of another mode": ("valve_lend(s, out->mode, &held);", "valve_lend(s, 0U, &held);"),
-    "last measurement forgotten": ("s->told_y[0] = given.y[0];", "s->told_y[0] = 0.0F;"),
-    "live from the start": ("(!blind) && (s->age > 0U)", "(s->age > 0U)"),
     "not cut": ("if (kept && (own.x_hi[i] < out->x_hi[i]))", "if (kept)"),
     "not settled": ("    valve_take(s, &held);\n", ""),
     "bits of the estimator's place": ("&own) << 1U;", "&own);"),
-    "bits forgotten": ("        raw |= valve_point", "        (void)valve_point"),
+    "live from the start": ("(!blind) && (s->age > 0U)", "(s->age > 0U)"),
 }
 
 
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory):
     """Folder, signals and answers that every mutant is held against."""
-    design = stand_in("box")
+    design = stand_in("box", "float32")
     given = signals(design, "float32", 9, 45)
     folder = write(design, tmp_path_factory.mktemp("guided_point") / "good")
     return folder, given, design.observer.run_many(*given, "float32")
@@ -80,15 +77,14 @@ def test_the_decision_is_that_of_the_estimator_until_an_alarm(reference):
     assert np.all(here <= there)
 
 
-def test_compilers_header_and_self_test(tmp_path):
+def test_compilers_header_and_self_test(reference, tmp_path):
     need("clang", "g++")
-    folder = write(stand_in("table"), tmp_path / "c", "float32", "literal")
+    folder = shutil.copytree(reference[0], tmp_path / "c")
     compile_(["clang", *CLANG, "-O1", "-c", "valve.c", "-o", "valve.o"], folder)
     assert compile_(["nm", "-u", "valve.o"], folder) == ""
     compile_(["g++", *CXX, "-c", "valve.c", "-o", "valve.oo"], folder)
     header = " ".join((folder / "valve.h").read_text().replace("\n *", " ").split())
     assert "out->assured is 0 at every sample" in header and "a decision that is not right (yet)" in header
-    assert "#define VALVE_BIT_B 0x4U" in header and "#define VALVE_BIT_TOGETHER 0x8U" in header
-    assert "#define VALVE_BIT_CROSSED 0x10U" in header
+    assert "#define VALVE_BIT_LEVEL 0x2U" in header and "#define VALVE_BIT_CROSSED 0x4U" in header
     compile_(["clang", *CLANG, "valve.o", "test_valve.c", "-o", "test"], folder)
     compile_(["./test"], folder)

@@ -54,7 +54,7 @@ def proves(checker, name, t, sets, text=None):
             checker.check_energy(p, t["told"], q, cert, options, ranges)
 
 
-@pytest.mark.parametrize("name, layout", [("pushed", "literal"), ("parameter", "loop"), ("no input", "table")])
+@pytest.mark.parametrize("name, layout", [("pushed", "literal"), ("no input", "table"), ("between", "loop")])
 def test_proves_thresholds_and_reads_the_c(name, layout, checker):
     _, t, sets, _ = given(name)
     proves(checker, name, t, sets)
@@ -89,11 +89,13 @@ def test_refuses_false_tables(what, checker):
 
 
 def test_refuses_another_plant_or_proof(checker):
-    text, t, sets, _ = given("pushed")
-    for old, new in (("[-0.01, 0.01]", "[-0.011, 0.011]"), ("[[0.7, 0.1]", "[[0.7, 0.12]")):
+    for name, old, new in (("pushed", "[-0.01, 0.01]", "[-0.011, 0.011]"), ("pushed", "[[0.7, 0.1]", "[[0.7, 0.12]"),
+                           ("between", "period = 0.05", "period = 0.051")):
+        text, t, sets, _ = given(name)
         assert old in text
         with pytest.raises(SystemExit, match="refused: "):
-            proves(checker, "pushed", t, sets, text.replace(old, new))
+            proves(checker, name, t, sets, text.replace(old, new))
+    _, t, sets, _ = given("pushed")
     less = [s | {"bounds": [0.99 * b for b in s["bounds"]]} for s in sets]
     with pytest.raises(SystemExit, match="not kept"):
         proves(checker, "pushed", t, less)

@@ -12,6 +12,7 @@ from flint import arb
 import codegen
 from codegen.analysis import mode_promise, plots, replay
 from codegen.analysis.validate import validate
+from codegen.assurance.claims import claims
 from codegen.certify import loose_filter
 from codegen.designs import read_design, recheck
 from codegen.errors import CertificateError, DesignError
@@ -21,9 +22,10 @@ from codegen.plant.load import loads
 from codegen.report import trailing_words
 from codegen.report.firmware_words import _matrix
 from codegen.report.words import at_most
+from tests.helpers.driven import NOISY
 from tests.helpers.folders import built, write
 from tests.helpers.small_modes import exact_course
-from tests.helpers.trailing import AGES, PUSHED, made, plant, tables
+from tests.helpers.trailing import AGES, PLANTS, PUSHED, made, plant, tables
 
 RUNS, STEPS = 5, 45
 
@@ -94,10 +96,22 @@ class Deaf(TrailingObserver):
         return super()._filtered(t, on, measured, raw, again, quiet, now, u, y)
 
 
+@pytest.mark.parametrize("name", ["input", "between"])
 @pytest.mark.parametrize("observer, sound", [(Spoilt, True), (Settled, False), (Deaf, False)])
-def test_other_ways_lose_the_truth(observer, sound):
-    """A filter does not hold what has just begun in its mode, but where it goes on from anywhere."""
-    assert (lost("input", tables("input", "float32"), observer=observer)[0] == 0) == sound
+def test_other_ways_lose_the_truth(name, observer, sound):
+    """A filter does not hold what has just begun in its mode, at a sample or inside, but where it is from anywhere."""
+    assert (lost(name, tables(name, "float32"), observer=observer)[0] == 0) == sound
+
+
+def test_thresholds_of_another_period_lose_the_truth():
+    """Those of a continuous plant are of what encloses it at its own samples."""
+    t, later = tables("between", "float32"), replace(plant("between"), sample_period=0.06)
+    (own, certs), modes = made("between", "float32"), later.enclosed.modes
+    with pytest.raises(CertificateError, match="not kept"):
+        for demand in loose_filter.demands(modes, own.told, certs):
+            demand.require()
+    wrong = replace(t.told, M=t.told.M[::-1], G=t.told.G[::-1], L=t.told.L[::-1])
+    assert lost("between", replace(t, told=wrong))[0] > 0
 
 
 def test_smaller_thresholds_lose_the_truth():
@@ -187,6 +201,17 @@ def test_the_whole_way(tmp_path):
     assert not faulty.trace.assured[80:].any() and faulty.trace.assured[:80].all()
 
 
+def test_a_continuous_plant(tmp_path):
+    """Switches inside samples, the mode found; what constant matrices leave out of a period is in the level."""
+    design = codegen.design(loads(PLANTS["between"].replace(*NOISY[::-1]).replace(
+        'method = "mode-set"', 'method = "hinf-filter"\nset_rows = 12')))
+    (run,) = validate(design, built(design, tmp_path / "c"))
+    assert run.passed and run.settled.all() and recheck(design) == design.proved
+    assert "leave out of a period" in design.proved["float32"][0]
+    stated = {c.id: c for c in claims(design, "float32")}
+    assert stated["energy"].text == design.proved["float32"][0] and {"bound", "containment", "delays"} <= set(stated)
+
+
 def test_a_slow_fault_is_found_by_the_filter_first(tmp_path):
     """A drift of a sensor: twice as soon as by the estimator alone, or by C whose filters exclude nothing."""
     design, run = whole(), true_run()
@@ -248,7 +273,7 @@ def test_tampering_with_a_design_is_caught(place, words):
 
 @pytest.mark.parametrize("old, new, words", [
     ("set_rows = 12", 'threshold = "calibrated"', "has to be proved"),
-    ("set_rows = 12", 'modes = "sliding"', 'expected "set"'),
+    ("set_rows = 12", 'modes = "sliding"', 'expected "set": sliding modes prove nothing'),
     ("minimum_dwell = 1", "", "no dwell time is declared"),
     ("Df = [[1], [0]]", "Df = [[1], [0]]\nDw = [[0.1], [0]]", "disturbances that are not in y")])
 def test_refusals(old, new, words):

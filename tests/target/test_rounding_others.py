@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import driven, follower, guided, small_sliding, solved
+from helpers import driven, follower, guided, small_sliding, solved, trailing
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import PLANTS, stand_in
 from target.test_gappa import REALS, evaluate, fraction, script_of
@@ -16,6 +16,7 @@ from codegen.certify.descriptor_bounds import algebraic_rounding
 from codegen.certify.exact import Q
 from codegen.certify.fault_bounds import slips
 from codegen.certify.filter_model import joint, rounding_of
+from codegen.certify.loose_filter import rounded_start
 from codegen.certify.polytope_rounding import rounding as rounding_bounds
 from codegen.certify.sets import SetDemands
 from codegen.designs import read_design
@@ -308,3 +309,31 @@ def test_script_of_an_observer_that_follows_is_about_the_sums_of_the_reference(n
     assert len(checked) == len(design.plant.modes) * (2 * len(told.box) + len(t.y_lo))
     others = {n for n in names if not n.startswith(f"{prefix}_told_")}
     assert others == {f"{prefix}_{n}" for n in (*expected, *own)}
+
+
+@pytest.mark.parametrize("name, real", [("input", "float32"), ("no input", "float64")])
+def test_script_of_filters_beside_an_estimator_is_about_the_sums_of_the_reference(name, real):
+    """Boxes as of an estimator; estimate and step of every filter, as of one that is told its mode; its start."""
+    design, rng = trailing.stand_in(name), np.random.default_rng(8)
+    names, expected, values, text, prefix = boxes_of(design, real, rng)
+    t = design.observer.tables[real]
+    told, every = t.told, range(len(t.Phi))
+    xi, x = (rng.uniform(lo, hi).astype(real) for lo, hi in ((-told.limit, told.limit), (told.x_lo, told.x_hi)))
+    u, y = ([[values[f"in_{s}_{j}"] for j in range(len(part))]] for s, part in (("u", t.u_lo), ("y", t.y_lo)))
+    u, y = np.array(u, real).reshape(1, -1), np.array(y, real)
+    values |= {f"{s}_{j}": a for s, row in (("xi", xi), ("centre", x)) for j, a in enumerate(row)}
+    own, held = {}, {}
+    for kind, row in (("estimate", told.estimates), ("forward", told.moved)):
+        own |= {f"{kind}_{i}_mode_{q}": v for q, part in enumerate(row(np.tile(xi, (1, len(every), 1)), u, y)[0])
+                for i, v in enumerate(part)}
+        held |= {f"{kind}_{i}_mode_{q}": v for q in every for i, v in enumerate(rounding_of(told, kind, q))}
+    begun = told.started(*[np.tile(x, (1, len(every), 1))] * 2)[0][0]
+    own |= {f"begun_{i}_mode_{q}": v for (q, i), v in np.ndenumerate(begun)}
+    held |= {f"begun_{i}_mode_{q}": v for (q, i), v in np.ndenumerate(rounded_start(told)[1])}
+    merged = {n for n in own if f"{prefix}_{n}" not in names}  # the same sum in the mode before it
+    assert all(own[n] == own[n[:-1] + "0"] for n in merged)
+    own = {n: v for n, v in own.items() if n not in merged}
+    agree(text, prefix, expected | own, values, real)
+    assert {f"{prefix}_{n}" for n in (*expected, *own)} == set(names)
+    for n in own:
+        assert 0 < Q(float.fromhex(re.search(rf"exact_{prefix}_{n}\| <= (\S+)", text)[1])) <= held[n]
