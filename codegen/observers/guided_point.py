@@ -103,7 +103,6 @@ class GuidedPointObserver(SlidingObserver):
     family = "guided_point"
     tables_class = GuidedPointTables
     trace_class = GuidedPointTrace
-    stated = False
 
     def bits(self, t: GuidedPointTables) -> int:
         """Alarm bits: the estimator's, those of the observer, crossed bounds."""
