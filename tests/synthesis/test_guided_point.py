@@ -11,8 +11,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from flint import arb
-from helpers.guided_point import plant, stand_in, tables, told
-from helpers.small_modes import TEXT, exact_course
+from helpers.guided_point import CHOSEN, designed, plant, stand_in, tables, told
+from helpers.small_modes import exact_course
 from synthesis.test_independent import CHECKER
 
 import codegen
@@ -92,16 +92,9 @@ def test_parts_go_together():
 
 # ---------------------------------------------------------------------------------------------- the whole way
 
-CHOSEN = TEXT.replace('method = "mode-set"', 'method = "zonotope"\nmodes = "sliding"\nset = "interval"\ngains = { '
-                                             "L = [[[0.7], [0]], [[0.7], [0]]] }")
-
-
-@pytest.fixture(scope="module")
-def designed():
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in (("PERIODS", (1.0,)), ("NOISES", (1.0,)), ("RUNS", 2), ("PACES", (1.0, 2.0))):
-            patch.setattr(sliding_measure, name, value)
-        return codegen.design(loads(CHOSEN))
+@pytest.fixture(scope="module", name="designed")
+def whole():
+    return designed()
 
 
 @pytest.fixture(scope="module")
@@ -163,7 +156,7 @@ def test_tampering_is_caught(place, words, designed):
     ('modes = "sliding"', 'modes = "sliding"\nages = 3', 'ages is given, which modes = "set" alone'),
     ('modes = "sliding"', 'blank = 0.2', 'blank is given, which modes = "sliding" alone'),
     ('set = "interval"', 'tables = "arbitrary"', 'expected "none" or "dwell"'),
-    ('"zonotope"\nmodes = "sliding"\nset = "interval"', '"hinf-filter"\nmodes = "sliding"', "nobody tells its mode")])
+    ('"zonotope"\nmodes = "sliding"\nset = "interval"', '"hinf-filter"\nmodes = "sliding"', "sliding modes prove nothing of their decision")])
 def test_refusals(old, new, words):
     text = CHOSEN.replace(old, new)
     assert text != CHOSEN
