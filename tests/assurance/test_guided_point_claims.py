@@ -7,13 +7,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from assurance.test_others import LESS, spoilt
-from helpers.guided_point import designed, stand_in, told
+from assurance.test_others import spoilt
+from helpers.guided_point import designed, stand_in
 from helpers.table_numbers import every_number_of_guided_point
 
 from codegen.assurance import guided_point_claims
 from codegen.assurance.claims import claims
-from codegen.assurance.follower_claims import held_by_set
 from codegen.assurance.places import constants
 from codegen.emit.package import firmware
 from codegen.errors import CertificateError
@@ -40,10 +39,9 @@ def test_every_number_is_read(name, real, layout):
 CHANGED = {
     "box": (
         ("valve_lend(s, out->mode, &held);", "valve_lend(s, 0U, &held);"), ("if (kept && (own.x_hi", "if ((own.x_hi"),
-        ("valve_take(s, &held);", ""), ("&own) << 1U", "&own) << 2U"),
-        ("held->shape[i] = s->told", "held->shape[i] = -s->told"),
-        ("valve_told_clip(x_hat[1], -", "valve_told_clip(x_hat[1], "), ("_SHARE 0.8F", "_SHARE 0.7F")),
-    "table": (("set_box(&held, widest);", ""), ("half[i] <= start[k][i]", "half[i] >= start[k][i]")),
+        ("&own) << 1U", "&own) << 2U"), ("held->shape[i] = s->told", "held->shape[i] = -s->told"),
+        ("_SHARE 0.8F", "_SHARE 0.7F")),
+    "table": (("half[i] <= start[k][i]", "half[i] >= start[k][i]"),),
 }
 
 
@@ -81,20 +79,13 @@ def test_margins_refuse_what_does_not_hold():
             claims(spoilt(design, where, key, change), "float32")
 
 
-@pytest.mark.parametrize("name", sorted(set(LESS) - {"box"}))  # of a box: above
-def test_every_set_has_its_margins(name):
-    """A field of the set that is made less shows, of a table the row by its name."""
-    design, cert = stand_in(name, "float32"), told(name, "float32")[1]
+def test_margins_of_a_table():
+    """Those of every set: ``test_others``, of observers that follow."""
+    design = designed('tables = "dwell"\nrows = 4')
+    found = {c.id: c for c in claims(design, "float32")}
+    assert "1 sizes" in found["table"].text and {"widest", "told_sizes"} <= set(found["table"].constants)
+    assert [m.holds for m in found["table"].margins] == [True, True]
     t = design.observer.tables["float32"]
-    margins = [m for part in held_by_set(design.plant, t, cert).values() for m in part]
-    assert len(margins) >= 3 and all(m.holds for m in margins)
-    key, part, words = LESS[name]
-    wrong = spoilt(design, "set", key, lambda x: x * np.float32(0.9)).observer.tables["float32"]
-    if name == "table":
-        assert guided_point_claims.widest(t).holds
-        narrow = replace(t, told=replace(t.told, x_lo=t.told.x_lo / 2))
-        assert not guided_point_claims.widest(narrow).holds
-        with pytest.raises(CertificateError, match="start 0 in mode 0"):
-            held_by_set(design.plant, wrong, cert)
-        return
-    assert any(not m.holds and words in m.what for m in held_by_set(design.plant, wrong, cert)[part])
+    assert not guided_point_claims.widest(replace(t, told=replace(t.told, x_lo=t.told.x_lo / 2))).holds
+    with pytest.raises(CertificateError, match="start 0 in mode 0"):
+        claims(spoilt(design, "set", "h", lambda h: h * np.float32(0.9)), "float32")

@@ -64,9 +64,9 @@ def stand_in(name: str, real: str, supervision=None) -> Design:
 
 
 @lru_cache
-def designed() -> Design:
-    """The whole way from the plant file on; of what is measured little."""
+def designed(which: str = 'set = "interval"') -> Design:
+    """The whole way from the plant file on, for options of the set; of what is measured little."""
     with pytest.MonkeyPatch.context() as patch:
         for name, value in (("PERIODS", (1.0,)), ("NOISES", (1.0,)), ("RUNS", 2), ("PACES", (1.0, 2.0))):
             patch.setattr(sliding_measure, name, value)
-        return codegen.design(loads(CHOSEN))
+        return codegen.design(loads(CHOSEN.replace('set = "interval"', which)))
