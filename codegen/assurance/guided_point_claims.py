@@ -10,7 +10,6 @@ import numpy as np
 
 from ..certify import guided_point_certificate, set_claims
 from ..certify.exact import rational
-from ..observers.point import centred
 from . import point_claims, point_margins, sliding_claims
 from .driven_claims import shared
 from .follower_claims import held_by_set
@@ -70,7 +69,7 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
 
 def widest(t) -> Margin:
     """The half widths with which a table starts against the range that they must hold."""
-    centre, (lo, hi) = rational(centred(t.told.x_lo, t.told.x_hi, t.dtype)[0]), (rational(t.x_lo), rational(t.x_hi))
+    centre, lo, hi = (rational(a) for a in (t.middle, t.x_lo, t.x_hi))
     return point_margins.entrywise("half widths of a start beyond the declared range", rational(t.widest),
                      np.maximum(hi - centre, centre - lo))
 

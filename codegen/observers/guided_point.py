@@ -50,6 +50,11 @@ class GuidedPointTables(SlidingTables):
         return self.set == "starts"
 
     @property
+    def middle(self) -> Array:
+        """Centre of the declared range (n_x,), as it is rounded."""
+        return centred(self.told.x_lo, self.told.x_hi, self.dtype)[0]
+
+    @property
     def widest(self) -> Array:
         """Half widths of the declared range (n_x,)."""
         return centred(self.told.x_lo, self.told.x_hi, self.dtype)[1]
