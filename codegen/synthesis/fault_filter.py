@@ -34,8 +34,7 @@ Array = np.ndarray
 OPTIONS = {"synthesis": ("slack", "projection"), "target": dict, "colour": dict, "order_loss": (0.0, 1.0),
            "post_scaling": ("none", "steady"), "inputs": ("copy", "filtered"), "set_rows": (4, 400), "within": (0, 50),
            "threshold": ("guaranteed", "calibrated"), "false_alarm": (0.0, 1.0), "confidence": (0.0, 1.0),
-           "campaign_steps": (10, 100000), "rank": (1, 100), "modes": ("set", "sliding"), **mode_set.OPTIONS,
-           **mode_sliding.OPTIONS}
+           "campaign_steps": (10, 100000), "rank": (1, 100)}
 
 
 def inapplicable(plant) -> str | None:

@@ -35,11 +35,13 @@ def tables(name: str, real: str) -> GuidedFilterTables:
     return made(name, real)[0]
 
 
-def stand_in(name: str, supervision=None, prefix: str = "") -> Design:
-    """A design whose certificate has nothing in it."""
+def stand_in(name: str, supervision=None, prefix: str = "", share: float = 1.0) -> Design:
+    """A design whose certificate has nothing in it; ``share`` of the limits, which nothing accepted reaches else."""
     p = small_sliding.plant(name)
     p = replace(p, target=replace(p.target, prefix=prefix or p.target.prefix))
     every = {real: tables(name, real) for real in ("float32", "float64")}
+    every = {real: replace(t, told=replace(t.told, limit=(share * t.told.limit).astype(real)))
+             for real, t in every.items()}
     return Design(p, "hinf-filter", GuidedFilterObserver(every, replace(supervision or Supervision(), assures=False)),
                   {real: {"kind": "sliding", "told": {}} for real in every}, {real: ["own words"] for real in every},
                   {real: [] for real in every})
