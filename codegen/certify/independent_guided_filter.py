@@ -1,4 +1,4 @@
-"""A fault filter that sliding modes guide, checked again: what ``independent_sliding.py`` hands over where "told" has E.
+"""A fault filter that sliding modes guide, checked again: what ``independent_sliding.py`` hands over for an "E".
 
 Standard library only, nothing of residua imported; exact fractions. Three parts: together they hold the estimate while
 the decision is right, of which nothing is said:

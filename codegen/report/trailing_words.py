@@ -28,8 +28,8 @@ def facts(design, real: str) -> tuple[Fact, ...]:
     return (Fact("Estimate", f"{target}, in the mode that is decided for"),
             Fact("Energy gain from all unknowns to the error of the estimate", "of the worst mode that stays, "
                  f"certified {words.at_most(cert['level'], 4)} on the constants of the C{reached}"),
-            Fact("Threshold", "guaranteed" + " while the decision is right" * guided + f": beyond it {beyond} at a time, by "
-                 "size of the bounds from which a filter starts and by samples since"))
+            Fact("Threshold", "guaranteed" + " while the decision is right" * guided + f": beyond it {beyond} at a "
+                 "time, by size of the bounds from which a filter starts and by samples since"))
 
 
 def bounds(design, real: str) -> tuple[Table, ...]:

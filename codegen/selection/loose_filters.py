@@ -123,7 +123,8 @@ def frozen(plant: Plant, constants: dict[str, Array], mode, real: str, most: int
     ranges = {f"{v}_{side}": getattr(mode, f"{v}_{side}") for v in "xuy" for side in ("lo", "hi")}
     sizes = (above(whole_of(mode.x_lo, mode.x_hi, real)[None], real) if isinstance(mode, SlidingTables) else
              sizes_of(mode, mode.x_lo, mode.x_hi, real))
-    t = SimpleNamespace(**constants, **ranges, real=real, E=E, limit=np.zeros(E.shape[1], real), sizes=sizes, grow=np.array(1 + 4 * kind.eps, real),
+    t = SimpleNamespace(**constants, **ranges, real=real, E=E, limit=np.zeros(E.shape[1], real), sizes=sizes,
+                        grow=np.array(1 + 4 * kind.eps, real),
                         floor=np.array(64 * kind.tiny, real))
     kept = [own_set(plant, joint_mode(m, alone(t, q), 0), E[q], most) for q, m in enumerate(modes)]
     t.limit = limits(t, [b for _, _, b in kept])

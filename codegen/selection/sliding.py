@@ -1,4 +1,4 @@
-"""From a plant whose mode nobody tells to a bank of sliding modes, alone, or guiding framers, a point observer or a filter."""
+"""From a plant whose mode nobody tells to a bank of sliding modes, alone or with what it guides."""
 
 from __future__ import annotations
 

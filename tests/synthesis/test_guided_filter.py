@@ -97,6 +97,8 @@ def test_a_plant_the_whole_way(designed, tmp_path, monkeypatch):
     trace = designed.observer.run(run.u, run.y)
     outcome = judge(p, p.scenarios[0], run, trace, [])
     assert outcome.lost == 0 and not trace.raw_bits.any() and np.mean(trace.mode == run.q) > 0.6
+    low = replace(trace, f_bound=trace.f_bound / 9)
+    assert judge(p, p.scenarios[0], run, low, []).lost > 5
     assert "f_bound.sensor" in table(p, run, trace).splitlines()[0]
     (row,) = designed.certificate["float32"]["paced"]
     assert row["alarms"] < 0.01 and row["lost"] < 0.01
@@ -133,8 +135,9 @@ def test_report_says_what_is_not_promised(designed):
 
 
 @pytest.mark.parametrize("place, factor, words", [
-    (("told", "h", 0, 3, 1), 0.3, "threshold is"), (("told", "M", 1, 3, 3), 1.3, "not kept|level"), (("d_lo", 1, 0), 0.3, "d_lo"),
-    (("told", "limit", 2), 0.1, "beyond its limit"), (("told", "x_hi", 0), 0.9, "ranges of x"),
+    (("told", "h", 0, 3, 1), 0.3, "threshold is"), (("told", "M", 1, 3, 3), 1.3, "not kept|level"),
+    (("d_lo", 1, 0), 0.3, "d_lo"), (("told", "limit", 2), 0.1, "beyond its limit"),
+    (("told", "x_hi", 0), 0.9, "ranges of x"),
     (("told", "y_hi", 0), 0.9, "y_hi is beyond"), (("told", "floor",), 0.0, "floor")])
 def test_tampering_is_caught(place, factor, words, designed):
     data = designed.observer.tables["float32"].to_dict()
@@ -193,7 +196,8 @@ def test_the_checker_proves_it_too_and_reads_its_c(checker, designed, printed, t
 
 CHANGES = ((r"(begun\[VALVE_MODES\]\[VALVE_NS\] = \{\s*\{ )[^,]*,", r"\g<1>0.5F,"),
            (r"(threshold\[\w+\].*?\{ \{ )(?=[\d])", r"\g<1>1"),
-           (r"(limit\[VALVE_NS\] = \{\s*)", r"\g<1>1"), (r"(uint32_t raw;\n\n    if \(!kept\))", r"const float a = 1.5F; \1"),
+           (r"(limit\[VALVE_NS\] = \{\s*)", r"\g<1>1"),
+           (r"(uint32_t raw;\n\n    if \(!kept\))", r"const float a = 1.5F; \1"),
            (r">> (\d)U\) : \(VALVE_ROWS", r">> 1\1U) : (VALVE_ROWS"))
 
 
