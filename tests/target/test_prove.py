@@ -129,7 +129,6 @@ OTHER_MUTANTS = {  # of a filter, a small mode estimator, driven framers: what o
     "a step that reads what is not held": ("driven", r"held\.y\[i\] = s->y\[i\];", "", "initialized"),
     "a mode that is none answers": ("trailing", r"decided = out->mode;", "decided = PUSHED_MODES;", "valid_read"),
     "a start without end": ("trailing", r"s->told_stage\[q\] = k;", "s->told_stage[q] = k + 2U;", "told_stage"),
-    "a filter of any size": ("trailing", r"\(k\[\d+\] \* xi\[0\]\)", "(3e38F * in->y[0])", "is_finite"),
     "S x without a beginning": ("driven", r"below\[i\] = 0\.0F;", "", "initialized"),
     "bits of modes that are none": ("driven", r"s->framed \|= \(uint32_t\)1U << q;", "s->framed |= 8U << q;",
                                     "s->framed")}
