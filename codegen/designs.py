@@ -30,6 +30,7 @@ from .observers import (
     DrivenTables,
     FilterTables,
     FollowerTables,
+    GuidedFilterTables,
     GuidedPointTables,
     GuidedTables,
     ModeTables,
@@ -43,7 +44,14 @@ from .observers import (
 from .plant.bounded import bounded
 from .plant.load import loads
 from .plant.model import Plant
-from .selection import bank_claims, filter_designs, polytopic_designs, tracking_designs, trailing_claims
+from .selection import (
+    bank_claims,
+    filter_designs,
+    guided_filter_claims,
+    polytopic_designs,
+    tracking_designs,
+    trailing_claims,
+)
 
 FORMAT = 1
 #: Of claims about the discrete plant that encloses a continuous one.
@@ -220,6 +228,8 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
         return guided_certificate.check(bounded(plant), plant.observed.modes, t, cert)
     if isinstance(t, GuidedPointTables):
         return guided_point_certificate.check(bounded(plant), plant.enclosed.modes, t, cert, limits(plant))
+    if isinstance(t, GuidedFilterTables):
+        return guided_filter_claims.check(plant, t, cert)
     if isinstance(t, SlidingTables):
         return sliding_claims.check(bounded(plant), t, cert)
     if isinstance(t, FilterTables):

@@ -40,19 +40,22 @@ def dropped(kind: str, truth, trace) -> Array:
 def understated(kind: str, truth, trace) -> Array:
     """Samples at which an estimate of faults in the true mode is beyond its bound; none of observers without.
 
+    Where nothing is proved of the decision, the mode has to be the true one since the filter's start.
+
     Parameters
     ----------
     kind : {"discrete", "continuous"}
     truth : PlantTrace
-    trace : Trace or TrailingTrace
+    trace : Trace, TrailingTrace or GuidedFilterTrace
 
     Returns
     -------
     ndarray (K,) bool
     """
-    if not (keeps_the_true_mode(trace) and hasattr(trace, "f_hat")):
+    if not (hasattr(trace, "mode_set") and hasattr(trace, "f_hat")):
         return np.zeros(len(truth.q), dtype=bool)
-    return (trace.mode == acting(kind, truth.q)) & np.any(np.abs(trace.f_hat) > trace.f_bound, axis=1)
+    right = trace.mode == acting(kind, truth.q) if keeps_the_true_mode(trace) else ~unbound(truth, trace)
+    return right & np.any(np.abs(trace.f_hat) > trace.f_bound, axis=1)
 
 
 def unbound(truth, trace) -> Array:

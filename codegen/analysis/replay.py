@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import EmitError
-from ..observers import BankTrace, FilterTrace, PolytopicTrace, TrailingTrace
+from ..observers import BankTrace, FilterTrace, GuidedFilterTrace, PolytopicTrace, TrailingTrace
 from ..plant.model import Plant, PlantTrace, Scenario
 from . import plots, svg
 from .logs import read_log
@@ -145,7 +145,7 @@ def table(plant: Plant, truth: PlantTrace, trace) -> str:
         names = {"x_hat": plant.estimated(trace.x_hat.shape[-1]), "r": plant.y, "r_bound": plant.y}
     elif isinstance(trace, BankTrace):
         names = {"r": plant.f, "r_bound": plant.f}
-    elif isinstance(trace, TrailingTrace):
+    elif isinstance(trace, TrailingTrace | GuidedFilterTrace):
         names |= {"f_hat": plant.f, "f_bound": plant.f}
     header = ["k", "t", *(f"{field}.{s.name}" for field, signals in names.items() for s in signals),
               "alarm", "latched", "assured", "status",

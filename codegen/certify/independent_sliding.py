@@ -207,7 +207,8 @@ def main(folder, design, record):
     """Check a folder of an estimator by sliding modes; those that guide another observer are handed over."""
     told = [t["told"] for t in design["tables"].values() if "told" in t]
     if told:
-        part = "independent_guided_point" if "shape" in told[0] else "independent_guided"
+        part = ("independent_guided_filter" if "E" in told[0] else
+                "independent_guided_point" if "shape" in told[0] else "independent_guided")
         return __import__(part).main(folder, design, record)
     check_design(design)
     text, header = ((folder / f"{record['prefix']}.{end}").read_text() for end in "ch")

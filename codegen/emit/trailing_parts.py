@@ -95,13 +95,6 @@ def maps(told, names: Names, faults: tuple[Channel, ...]) -> tuple[MapSpec, ...]
 def _view(mode: ModeView, t, names: Names, faults: tuple[Channel, ...], count: int, stays: str) -> TrailingView:
     """Print the tables of the filters beside those of the estimator."""
     m, real = names.macro, t.real
-    lines: list[str] = []
-    for stage, rows in enumerate(t.h):
-        lines.append(f"{{ /* {'size ' + str(stage) if stage < t.anywhere else 'anywhere'} */")
-        lines += [f"    {initialiser(row, real)}," for row in rows]
-        lines.append("},")
-    thresholds = Table("threshold", f"[{m}_STAGES][{m}_ROWS][{m}_MODES][{m}_NF]", (), tuple(lines))
-
     def table(name: str, size: str, values) -> Table:
         return Table(name, size, (), tuple(f"{initialiser(row, real)}," for row in values))
 
@@ -115,10 +108,20 @@ def _view(mode: ModeView, t, names: Names, faults: tuple[Channel, ...], count: i
              Size("ROWS", f"{t.h.shape[1]}U", "rows of thresholds after a start; the last holds for ever"),
              Size("LAST", f"{t.last}U", "s->told_since once the last row holds"))
     return TrailingView(
-        **vars(mode) | {"sizes": (*mode.sizes, *sizes)}, faults=faults, thresholds=thresholds,
+        **vars(mode) | {"sizes": (*mode.sizes, *sizes)}, faults=faults, thresholds=thresholds(t, m),
         told_limit=vector_table("limit", f"{m}_NS", t.limit, real), begin=begin, middle=literal(0.5, real),
         grow=literal(t.grow, real), floor=literal(t.floor, real),
         row=f"(s->told_since[q] >> {t.shift}U)" if t.shift else "s->told_since[q]", stays=stays)
+
+
+def thresholds(told, macro: str) -> Table:
+    """Print the thresholds of filters that start at run time, by how and how long ago."""
+    lines: list[str] = []
+    for stage, rows in enumerate(told.h):
+        lines.append(f"{{ /* {'size ' + str(stage) if stage < told.anywhere else 'anywhere'} */")
+        lines += [f"    {initialiser(row, told.real)}," for row in rows]
+        lines.append("},")
+    return Table("threshold", f"[{macro}_STAGES][{macro}_ROWS][{macro}_MODES][{macro}_NF]", (), tuple(lines))
 
 
 def _more(t) -> Operations:

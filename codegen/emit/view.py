@@ -17,6 +17,7 @@ from ..observers import (
     DrivenTables,
     FilterTables,
     FollowerTables,
+    GuidedFilterTables,
     GuidedPointTables,
     GuidedTables,
     ModeTables,
@@ -33,6 +34,7 @@ from . import (
     filter_parts,
     follower_parts,
     framer_parts,
+    guided_filter_parts,
     guided_parts,
     guided_point_parts,
     manual,
@@ -230,10 +232,11 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
 
 def _parts(design, t, s, names: Names, signals: tuple, layout: str) -> Parts:
     """What is the family's own."""
-    if isinstance(t, FilterTables | TrailingTables):
+    if isinstance(t, FilterTables | TrailingTables | GuidedFilterTables):
         faults = manual.channels(design.plant.f, *(side.astype(t.dtype) for side in design.plant.limits("f")), t.real,
                                  "f_hat")
-        make = filter_parts.parts if isinstance(t, FilterTables) else trailing_parts.parts
+        make = (filter_parts if isinstance(t, FilterTables) else guided_filter_parts
+                if isinstance(t, GuidedFilterTables) else trailing_parts).parts
         return make(t, s, names, signals, layout, faults)
     if isinstance(t, BankTables):
         return bank_parts.parts(t, s, names, signals, tuple(f.name for f in design.plant.f))

@@ -14,6 +14,7 @@ from .filter import FilterObserver, FilterTables
 from .follower import FollowerObserver, FollowerTables, FollowerTrace
 from .framer import FramerTables, Variation
 from .guided import GuidedObserver, GuidedTables
+from .guided_filter import GuidedFilterObserver, GuidedFilterTables, GuidedFilterTrace
 from .guided_point import GuidedPointObserver, GuidedPointTables, GuidedPointTrace
 from .interval import IntervalObserver
 from .loose_filter import LooseFilter
@@ -40,12 +41,14 @@ FAMILIES = {"interval": IntervalObserver, "tnl": TnlObserver, "zonotope": Zonoto
             "filter": FilterObserver, "mode": ModeObserver, "driven": DrivenObserver, "follower": FollowerObserver,
             "polytopic": PolytopicObserver, "descriptor": DescriptorObserver, "bank": BankObserver,
             "sliding": SlidingObserver, "guided": GuidedObserver, "guided_point": GuidedPointObserver,
+            "guided_filter": GuidedFilterObserver,
             "trailing": TrailingObserver}
 
 __all__ = ["FAMILIES", "BankObserver", "BankTables", "BankTrace", "BlockObserver", "BlockTables", "BoxObserver",
            "BoxTables", "Coordinates", "DescriptorObserver", "DescriptorTables", "DrivenObserver", "DrivenTables",
            "EllipsoidObserver", "EllipsoidTables", "EllipsoidTraceObserver", "FilterObserver", "FilterTables",
-           "FilterTrace", "FollowerObserver", "FollowerTables", "FollowerTrace", "FramerTables", "GuidedObserver",
+           "FilterTrace", "FollowerObserver", "FollowerTables", "FollowerTrace", "FramerTables",
+           "GuidedFilterObserver", "GuidedFilterTables", "GuidedFilterTrace", "GuidedObserver",
            "GuidedPointObserver", "GuidedPointTables", "GuidedPointTrace", "GuidedTables", "IntervalObserver",
            "LooseFilter", "ModeObserver", "ModeTables", "ModeTrace", "PointObserver", "PointTables", "PointTrace",
            "PolytopicObserver", "PolytopicTables", "PolytopicTrace", "Runner", "ScheduleObserver", "ScheduleTables",

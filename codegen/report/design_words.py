@@ -101,7 +101,7 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
     own = filter_words.facts(design, real) if is_filter(design, real) else ()
     own = polytopic_words.facts(design, real) if is_polytopic(design, real) else own
     own = bank_words.facts(design, real) if is_bank(design, real) else own
-    own = trailing_words.facts(design, real) if is_trailing(design, real) else own
+    own = trailing_words.facts(design, real) if is_trailing(design, real) or is_guided_filter(design) else own
     tried = words.count(len(design.choice), "certified design")
     if "gains" in design.options:
         why = "the gains were given in the plant file; they were certified, not chosen"
@@ -109,7 +109,7 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
         why = sliding_words.CRITERION
     elif design.certificate[real]["kind"] == "mode" and "told" not in design.certificate[real]:
         why = "there is nothing to choose but how many ages are told apart: the fewest that can be certified"
-    elif is_trailing(design, real):
+    elif is_trailing(design, real) or is_guided_filter(design):
         why = trailing_words.WHY
     elif is_polytopic(design, real) or is_bank(design, real):
         why = "there is one design: the lowest level within the bounds of gain and decay"
@@ -179,7 +179,10 @@ def _bounds(design, real: str) -> tuple[Table, ...]:
     if is_filter(design, real):
         return filter_words.tables(design, real)
     if is_unproved(design, real):
-        return sliding_words.tables(design, real)
+        own = sliding_words.tables(design, real)
+        if is_guided_filter(design):
+            own += (trailing_words.thresholds(design, real, "where its state has left its limits"),)
+        return own
     if is_polytopic(design, real):
         return polytopic_words.tables(design, real)
     if is_bank(design, real):
@@ -243,7 +246,8 @@ def _not_guaranteed(design, real: str) -> tuple[str, ...]:
     debounce, point = design.observer.supervision.debounce, is_point(design, real)
     items = ["That a fault below the thresholds is found. It may be, or may not.",
              *(_FILTER_LIMITS if is_filter(design, real) else polytopic_words.LIMITS if is_polytopic(design, real)
-               else sliding_words.not_guaranteed(design.certificate[real]) if is_unproved(design, real)
+               else (*sliding_words.not_guaranteed(design.certificate[real]),
+                     *trailing_words.LIMITS[1:2] * is_guided_filter(design)) if is_unproved(design, real)
                else bank_words.LIMITS if is_bank(design, real)
                else trailing_words.LIMITS if is_trailing(design, real) else _limits(design, point)),
              "Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
@@ -275,6 +279,11 @@ def is_polytopic(design, real: str) -> bool:
 def is_trailing(design, real: str) -> bool:
     """Whether the firmware estimates faults in a mode that it finds itself."""
     return isinstance(design.observer.tables[real], TrailingTables)
+
+
+def is_guided_filter(design) -> bool:
+    """Whether the firmware estimates faults in a mode of which nothing is proved."""
+    return design.observer.family == "guided_filter"
 
 
 def is_bank(design, real: str) -> bool:

@@ -13,6 +13,7 @@ from ..observers import (
     DrivenTables,
     FilterTables,
     FollowerTables,
+    GuidedFilterTables,
     GuidedPointTables,
     GuidedTables,
     ModeTables,
@@ -129,6 +130,9 @@ def gains(design, real: str) -> tuple[Folded, ...]:
                 *sliding_words.gains(design, real, _matrix, "The mode estimator: "))
     if isinstance(t, GuidedPointTables):
         return (*point_words.gains(design, real, _matrix, t.told),
+                *sliding_words.gains(design, real, _matrix, "The mode estimator: "))
+    if isinstance(t, GuidedFilterTables):
+        return (*trailing_words.of_filters(design, real, _matrix),
                 *sliding_words.gains(design, real, _matrix, "The mode estimator: "))
     if isinstance(t, SlidingTables):
         return sliding_words.gains(design, real, _matrix)

@@ -19,6 +19,8 @@ LIMITS = (
 
 def facts(design, real: str) -> tuple[Fact, ...]:
     """What is said of the filters beside what is said of every design."""
+    guided = design.observer.family == "guided_filter"
+    beyond = "an alarm bit is set. In one mode" if guided else "a mode is excluded. In one mode"
     cert = design.certificate[real]["told"]
     reached = "" if not cert.get("reached") else (
         f"; a run was found that reaches {words.number(cert['reached'], 4)}: no proof could go below that")
@@ -26,29 +28,38 @@ def facts(design, real: str) -> tuple[Fact, ...]:
     return (Fact("Estimate", f"{target}, in the mode that is decided for"),
             Fact("Energy gain from all unknowns to the error of the estimate", "of the worst mode that stays, "
                  f"certified {words.at_most(cert['level'], 4)} on the constants of the C{reached}"),
-            Fact("Threshold", "guaranteed: beyond it a mode is excluded. In one mode at a time, by size of the bounds "
-                 "from which a filter starts and by samples since"))
+            Fact("Threshold", "guaranteed" + " while the decision is right" * guided + f": beyond it {beyond} at a "
+                 "time, by size of the bounds from which a filter starts and by samples since"))
 
 
 def bounds(design, real: str) -> tuple[Table, ...]:
     """Delays of the mode estimator, and what estimates may be without a fault by mode, at a start and in the end."""
+    return *mode_words.delays(design, real), thresholds(design, real, "after an alarm")
+
+
+def thresholds(design, real: str, when: str) -> Table:
+    """What estimates may be without a fault by mode; ``when`` a filter goes on from anywhere."""
     t, plant = design.observer.tables[real].told, design.plant
     rows = [(mode.name, fault.name, *(words.quantity(words.at_most(float(h)), fault.unit) for h in (
         t.h[t.anywhere, 0, q, j], t.h[0, 0, q, j], t.h[t.anywhere - 1, 0, q, j], t.h[:, -1, q, j].max())))
         for q, mode in enumerate(plant.modes) for j, fault in enumerate(plant.f)]
     notes = (f"A start from bounds of one of {words.count(t.anywhere, 'size')}; the last column holds within "
-             f"{words.count(t.last, 'sample')}. A filter goes on from anywhere after an alarm only.",)
+             f"{words.count(t.last, 'sample')}. A filter goes on from anywhere {when} only.",)
     head = ("mode", "fault", "#from anywhere", "#at a start, largest bounds", "#smallest bounds", "#in the end")
-    return (*mode_words.delays(design, real), table("The largest estimates without a fault, proved", head, rows, notes))
+    return table("The largest estimates without a fault, proved", head, rows, notes)
 
 
 def gains(design, real: str, matrix) -> tuple[Folded, ...]:
     """Tabulate the constants of the C: filters, their starts, the mode estimator; see ``filter_words.gains``."""
+    return (*of_filters(design, real, matrix), *mode_words.gains(design, real, matrix, "The mode estimator: "))
+
+
+def of_filters(design, real: str, matrix) -> tuple[Folded, ...]:
+    """Tabulate the constants of filters and their starts."""
     t, x = design.observer.tables[real].told, [s.name for s in design.plant.x]
     xi = [f"xi[{i}]" for i in range(len(t.limit))]
     starts = [matrix(f"E of mode {q}, “{m.name}”: xi at a start, of x", xi, x, t.E[q])
               for q, m in enumerate(design.plant.modes)]
     starts.append(matrix("Half widths of the bounds, by size", [f"size {k}" for k in range(t.anywhere)], x,
                          np.asarray(t.sizes)))
-    return (*filter_words.gains(design, real, matrix, t), Folded("Starts of the filters", tuple(starts)),
-            *mode_words.gains(design, real, matrix, "The mode estimator: "))
+    return (*filter_words.gains(design, real, matrix, t), Folded("Starts of the filters", tuple(starts)))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..analysis.validate import Outcome
 from . import firmware_words, outcome_words, words
-from .design_words import bounds_states, is_bank, is_filter, is_polytopic, is_trailing, is_unproved
+from .design_words import bounds_states, is_bank, is_filter, is_guided_filter, is_polytopic, is_trailing, is_unproved
 from .table import Fact
 
 
@@ -91,6 +91,9 @@ def purpose(design) -> str:
         modes = words.listed(m.name for m in plant.modes)
         bounds = (f"; in that mode it answers with bounds on {words.listed(s.name for s in plant.x)}, and raises an "
                   "alarm where the measurements contradict it") * (design.observer.family in ("guided", "guided_point"))
+        if is_guided_filter(design):
+            bounds = (f"; in that mode it answers with an estimate of {words.listed(s.name for s in plant.f)}, and "
+                      "raises an alarm where that cannot be explained without a fault")
         return (f"This firmware watches “{plant.title or plant.name}”. Every {words.seconds(plant.sample_period)} it "
                 f"reads {outputs} and decides which of the modes {modes} is active, without a guarantee{bounds}.")
     if is_bank(design, plant.target.real):

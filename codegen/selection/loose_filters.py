@@ -12,7 +12,7 @@ from ..certify.filter_model import joint_mode
 from ..certify.loose_filter import STAYS, alone, tabled
 from ..certify.mode_widths import contracted
 from ..errors import CertificateError, DesignError
-from ..observers import LooseFilter
+from ..observers import LooseFilter, SlidingTables
 from ..plant.model import Plant
 from .filter_tables import ABOVE, LENGTH, ROWS, Chooser, above
 
@@ -61,6 +61,13 @@ def follows(A: Array, C: Array, M: Array, L: Array, K: Array, Dy: Array) -> Arra
     return np.linalg.lstsq(both, -np.concatenate([(L @ C).ravel(), (Dy @ C).ravel()]), rcond=1e-9)[0].reshape(n_s, n_x)
 
 
+def whole_of(x_lo: Array, x_hi: Array, real: str) -> Array:
+    """Half widths of the declared range, rounded up (n_x,)."""
+    kind = np.finfo(real)
+    lo, hi = (b.astype(float) for b in (x_lo, x_hi))
+    return (hi - lo) / 2 * (1 + 8 * kind.eps) + 8 * kind.eps * np.maximum(abs(lo), abs(hi)) + 64 * kind.tiny
+
+
 def sizes_of(mode, x_lo: Array, x_hi: Array, real: str) -> Array:
     """Half widths of starts: the declared range, then by equal factors down to that of a mode that stays.
 
@@ -74,9 +81,7 @@ def sizes_of(mode, x_lo: Array, x_hi: Array, real: str) -> Array:
     -------
     ndarray (Z, n_x)
     """
-    kind = np.finfo(real)
-    lo, hi = (b.astype(float) for b in (x_lo, x_hi))
-    whole = (hi - lo) / 2 * (1 + 8 * kind.eps) + 8 * kind.eps * np.maximum(abs(lo), abs(hi)) + 64 * kind.tiny
+    whole = whole_of(x_lo, x_hi, real)
     first = (mode.wide_hi - mode.wide_lo).astype(float)
     widths = np.max([contracted(mode, first, q, SETTLED) for q in range(len(mode.Phi))], axis=0)
     least = WIDER * (abs(mode.S_inverse).astype(float) @ widths / 2 + mode.x_room)
@@ -93,8 +98,8 @@ def frozen(plant: Plant, constants: dict[str, Array], mode, real: str, most: int
     plant : Plant
     constants : dict
         M, L, G, K, Dy, Du, rounded.
-    mode : ModeTables
-        Of the same number type.
+    mode : ModeTables or SlidingTables
+        Of the same number type; with the latter every start is from the declared range.
     real : {"float32", "float64"}
     most : int, optional
         Rows of the sets.
@@ -116,8 +121,10 @@ def frozen(plant: Plant, constants: dict[str, Array], mode, real: str, most: int
     E = np.array([follows(m.A, m.C, *(constants[k][q].astype(float) for k in ("M", "L", "K", "Dy")))
                   for q, m in enumerate(modes)]).astype(real)
     ranges = {f"{v}_{side}": getattr(mode, f"{v}_{side}") for v in "xuy" for side in ("lo", "hi")}
-    t = SimpleNamespace(**constants, **ranges, real=real, E=E, limit=np.zeros(E.shape[1], real),
-                        sizes=sizes_of(mode, mode.x_lo, mode.x_hi, real), grow=np.array(1 + 4 * kind.eps, real),
+    sizes = (above(whole_of(mode.x_lo, mode.x_hi, real)[None], real) if isinstance(mode, SlidingTables) else
+             sizes_of(mode, mode.x_lo, mode.x_hi, real))
+    t = SimpleNamespace(**constants, **ranges, real=real, E=E, limit=np.zeros(E.shape[1], real), sizes=sizes,
+                        grow=np.array(1 + 4 * kind.eps, real),
                         floor=np.array(64 * kind.tiny, real))
     kept = [own_set(plant, joint_mode(m, alone(t, q), 0), E[q], most) for q, m in enumerate(modes)]
     t.limit = limits(t, [b for _, _, b in kept])

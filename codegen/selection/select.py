@@ -170,7 +170,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
         make = sliding.designed if METHODS[method].family == "sliding" else modes.designed
         return make(plant, method, options, progress)
     if method and METHODS[method].family == "filter" and not plant.switching.known:
-        return trailing.designed(plant, method, options, progress)
+        make = sliding.guided_filter if options.get("modes") == "sliding" else trailing.designed
+        return make(plant, method, options, progress)
     if method and METHODS[method].family == "bank":
         return banks.designed(plant, method, options, progress)
     if method and METHODS[method].family in ("polytopic", "descriptor"):

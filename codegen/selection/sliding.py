@@ -1,4 +1,4 @@
-"""From a plant whose mode nobody tells to a bank of sliding modes, alone, or guiding framers or a point observer."""
+"""From a plant whose mode nobody tells to a bank of sliding modes, alone or with what it guides."""
 
 from __future__ import annotations
 
@@ -8,12 +8,20 @@ from ..analysis.sliding_measure import measured, paced
 from ..certify import sliding_claims
 from ..designs import Design
 from ..errors import CertificateError, DesignError
-from ..observers import GuidedObserver, GuidedPointObserver, SlidingObserver, SlidingTables, Supervision
+from ..observers import (
+    GuidedFilterObserver,
+    GuidedObserver,
+    GuidedPointObserver,
+    SlidingObserver,
+    SlidingTables,
+    Supervision,
+)
 from ..plant.bounded import bounded
 from ..plant.model import Plant
 from ..synthesis.guided_tables import guided as joined
 from ..synthesis.mode_sliding import TARGET, settings, theorem12
 from ..synthesis.sliding_tables import tables_of
+from . import trailing
 from .modes import assembled
 
 REALS = ("float32", "float64")
@@ -89,6 +97,24 @@ def guided_point(plant: Plant, name: str, told: dict, proofs: dict, choice: list
     return joint(GuidedPointObserver, family, plant, name, told, proofs, choice, options, progress)
 
 
+def guided_filter(plant: Plant, name: str, options: dict, progress: Callable[[str], None]) -> Design:
+    """A filter per mode that stays, in the mode that the sliding modes decide for; parameters as of ``designed``.
+
+    Raises
+    ------
+    DesignError
+        No gains or no filters are found, or an option is wrong.
+    CertificateError
+        They do not survive rounding.
+    """
+    gains = trailing.gains_of(plant, options, lambda text: progress(f"{name}: {text}"))
+    tables, certs, _ = both(plant, options, lambda text: progress(f"{name}: {text}"))
+    progress(f"{name}: thresholds of every mode that stays")
+    told, proofs = trailing.filters(plant, options, gains, tables)
+    return together(GuidedFilterObserver, {}, plant, name, (tables, certs), told, proofs,
+                    trailing.choice_of(plant, name, proofs), options, progress)
+
+
 def joint(observer: type, more: dict, plant: Plant, name: str, told: dict, proofs: dict, choice: list, options: dict,
           progress: Callable[[str], None]) -> Design:
     """The estimator with what it guides: in one table, certified, measured.
@@ -111,7 +137,14 @@ def joint(observer: type, more: dict, plant: Plant, name: str, told: dict, proof
     DesignError, CertificateError
         As ``designed``.
     """
-    tables, certs, _ = both(plant, options, lambda text: progress(f"{name}: {text}"))
+    own = both(plant, options, lambda text: progress(f"{name}: {text}"))[:2]
+    return together(observer, more, plant, name, own, told, proofs, choice, options, progress)
+
+
+def together(observer: type, more: dict, plant: Plant, name: str, own: tuple[dict, dict], told: dict, proofs: dict,
+             choice: list, options: dict, progress: Callable[[str], None]) -> Design:
+    """As ``joint``, with tables and certificates of the estimator in ``own``."""
+    tables, certs = own
     shared = [real for real in tables if real in told]
     tables = {r: joined(observer.tables_class, tables[r], told[r], **more) for r in shared}
     progress(f"{name}: false alarms, measured")

@@ -42,27 +42,63 @@ def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], N
     CertificateError
         None survives rounding, or modes cannot be told apart within the dwell time.
     """
+    gains = gains_of(plant, options, lambda text: progress(f"{name}: {text}"))
+    tables, certs = both(plant, options, lambda text: progress(f"{name}: {text}"))
+    progress(f"{name}: thresholds of every mode that stays")
+    own, proofs = filters(plant, options, gains, tables)
+    made = {real: TrailingTables(**vars(tables[real]), told=told) for real, told in own.items()}
+    certs = {real: certs[real] | {"told": proofs[real]} for real in own}
+    return assembled(plant, name, "trailing", made, certs, choice_of(plant, name, proofs), options)
+
+
+def gains_of(plant: Plant, options: dict, progress: Callable[[str], None]) -> dict:
+    """A filter per mode that stays, as proposed.
+
+    Raises
+    ------
+    DesignError
+        No filter exists, or an option is wrong.
+    """
     if options.get("threshold") == "calibrated":
         raise DesignError(f'{plant.name}: observer.threshold is "calibrated" where the mode is not known, expected '
                           '"guaranteed": what rules modes out has to be proved. Leave it out.')
     filter_calibration.asked(options)
     told, stays = staying(plant)
-    gains = proposed(told, options, lambda text: progress(f"{name}: {text}"), stays)
-    tables, certs = both(plant, options, lambda text: progress(f"{name}: {text}"))
-    progress(f"{name}: thresholds of every mode that stays")
-    made, proofs, most = {}, {}, options.get("set_rows")
+    return proposed(told, options, progress, stays)
+
+
+def filters(plant: Plant, options: dict, gains: dict, tables: dict) -> tuple[dict, dict]:
+    """Proposed filters with their thresholds, and what proves them, by number type.
+
+    Parameters
+    ----------
+    plant : Plant
+    options : dict
+    gains : dict
+        Of ``gains_of``.
+    tables : dict
+        real -> ModeTables or SlidingTables of the estimator.
+
+    Raises
+    ------
+    DesignError, CertificateError
+        As ``designed``.
+    """
+    (told, stays), most = staying(plant), options.get("set_rows")
+    made, proofs, post = {}, {}, [x.tolist() for x in gains["proposal"].xi]
     for real, mode in tables.items():
         try:
             constants, cert = leveled(told, gains, options, real, stays)
-            own, sets = frozen(told, constants, mode, real, None if most is None else int(most))
+            made[real], sets = frozen(told, constants, mode, real, None if most is None else int(most))
         except CertificateError:
             if real == plant.target.real:
                 raise
             continue  # the other number type may be too coarse; generate says so when asked for it
-        made[real] = TrailingTables(**vars(mode), told=own)
-        post = [x.tolist() for x in gains["proposal"].xi]
-        proofs[real] = certs[real] | {"told": cert | {"sets": sets, "post": post}}
-    level = proofs[plant.target.real]["told"]["level"]
-    choice = [{"method": name, "design": "a filter per mode that stays", "level": level, "relative_width": None,
-               "surely_detected": [None] * plant.n_f, "chosen": True}]
-    return assembled(plant, name, "trailing", made, proofs, choice, options)
+        proofs[real] = cert | {"sets": sets, "post": post}
+    return made, proofs
+
+
+def choice_of(plant: Plant, name: str, proofs: dict) -> list[dict]:
+    """What was tried: one design."""
+    return [{"method": name, "design": "a filter per mode that stays", "level": proofs[plant.target.real]["level"],
+             "relative_width": None, "surely_detected": [None] * plant.n_f, "chosen": True}]

@@ -49,17 +49,23 @@ def check(plant: Plant, t: TrailingTables, cert: dict) -> list[str]:
 
 def sentences(plant: Plant, t: TrailingTables, cert: dict) -> list[str]:
     """What is proved of the filters."""
-    own, target = t.told, "W_f f" if "target" in plant.options else "f"
-    unsure = ", whatever the parameters do within their bounds" * bool(plant.theta)
-    weighted = " (disturbances, noises and inputs before their weight W_d)" if "colour" in plant.options else ""
-    left = " (with what constant matrices leave out of a period)" * (plant.kind == "continuous")
+    own, unsure = t.told, ", whatever the parameters do within their bounds" * bool(plant.theta)
     last = "; ".join(f"{m.name}: " + ", ".join(f"{float(h):.4g}" for h in row)
                      for m, row in zip(plant.modes, own.h[:, -1].max(axis=0)))
-    return [f"energy: in a mode that stays, the decision right, from rest sum |f_hat - {target}|^2 <= "
-            f"{cert['told']['level']:.6g}^2 sum |d|^2, d all disturbances{left}, noises, inputs and faults{weighted} "
-            f"in units of their largest sizes, f in units of its range{unsure} (rounding of sums apart)",
+    return [energy(plant, cert),
             "while no fault acts and out->mode is the true mode, no |f_hat| exceeds its f_bound, whatever the "
             f"switching{unsure}, rounding included ({own.real}, with or without fused multiply-add)",
             "a mode whose filter estimates more than is possible without a fault is ruled out, but for having begun "
             "within the last period: the true mode is not, while no fault acts",
             f"in a mode that lasts f_bound comes down to, by mode, {last}, within {own.last} samples"]
+
+
+def energy(plant: Plant, cert: dict) -> str:
+    """What is proved of the energy gain of filters in modes that stay; ``cert`` has that of the filters as "told"."""
+    target, unsure = "W_f f" if "target" in plant.options else "f", (
+        ", whatever the parameters do within their bounds" * bool(plant.theta))
+    weighted = " (disturbances, noises and inputs before their weight W_d)" if "colour" in plant.options else ""
+    left = " (with what constant matrices leave out of a period)" * (plant.kind == "continuous")
+    return (f"energy: in a mode that stays, the decision right, from rest sum |f_hat - {target}|^2 <= "
+            f"{cert['told']['level']:.6g}^2 sum |d|^2, d all disturbances{left}, noises, inputs and faults{weighted} "
+            f"in units of their largest sizes, f in units of its range{unsure} (rounding of sums apart)")

@@ -65,6 +65,11 @@ class Method:
         return not (self.framers or self.estimates_mode or self.family in ("filter", "polytopic", "descriptor", "bank"))
 
     @property
+    def finds(self) -> bool:
+        """Whether it is no pair of framers and may find its mode itself, which the options ``FINDING`` choose."""
+        return self.sets or self.family == "filter"
+
+    @property
     def estimates_mode(self) -> bool:
         """Whether it finds the mode that other observers are told."""
         return self.family in ("mode", "sliding")
@@ -139,7 +144,7 @@ SETS = {"set": ("zonotope", "ellipsoid", "interval"), "order": (2, 200),
         "tables": ("none", "schedule", "dwell", "arbitrary"), "rows": (1, 200), "stages": (3, 50),
         "directions": (2, 64), "weights": ("fixed", "trace"),
         "membership": ("auto", "exact", "directions"), "gains": dict}
-#: Options of those among them that find the mode themselves.
+#: Options of those that find the mode themselves.
 FINDING = {"modes": ("set", "sliding"), **mode_set.OPTIONS, **mode_sliding.OPTIONS}
 
 
@@ -148,7 +153,8 @@ def known_options(methods: list[str]) -> dict:
     known: dict = {}
     for name in methods:
         entry = METHODS[name]
-        own = OPTIONS if entry.framers else (SETS | FINDING if entry.sets else {}) | entry.module.OPTIONS
+        own = OPTIONS if entry.framers else (
+            (SETS if entry.sets else {}) | (FINDING if entry.finds else {}) | entry.module.OPTIONS)
         for key, allowed in own.items():
             words = isinstance(allowed, tuple) and isinstance(allowed[0], str)
             known[key] = tuple(dict.fromkeys((*known.get(key, ()), *allowed))) if words else allowed

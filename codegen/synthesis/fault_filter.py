@@ -24,7 +24,7 @@ import numpy as np
 from flint import fmpq
 
 from ..errors import DesignError
-from . import mode_set
+from . import mode_set, mode_sliding
 from .framers import POLYTOPIC, basic_reason, enclosed_reason
 from .hinf_problem import Block, FilterProblem, in_coordinates, problem_of, unmeasured
 from .hinf_weights import Weight, weight, weighted
@@ -34,17 +34,15 @@ Array = np.ndarray
 OPTIONS = {"synthesis": ("slack", "projection"), "target": dict, "colour": dict, "order_loss": (0.0, 1.0),
            "post_scaling": ("none", "steady"), "inputs": ("copy", "filtered"), "set_rows": (4, 400), "within": (0, 50),
            "threshold": ("guaranteed", "calibrated"), "false_alarm": (0.0, 1.0), "confidence": (0.0, 1.0),
-           "campaign_steps": (10, 100000), "rank": (1, 100), "modes": ("set",), **mode_set.OPTIONS}
+           "campaign_steps": (10, 100000), "rank": (1, 100)}
 
 
 def inapplicable(plant) -> str | None:
     """Why a plant cannot have this filter, with what to change; None if it can."""
     if plant.polytope is not None:
         return POLYTOPIC
-    if not plant.switching.known and plant.options.get("modes") == "sliding":
-        return ('observer.modes is "sliding", expected "set": sliding modes prove nothing of their decision, so no '
-                "start of a filter would hold the plant, and no bound its estimate. Leave it out.")
-    if not plant.switching.known and (reason := mode_set.inapplicable(plant)) is not None:
+    finding = mode_sliding if plant.options.get("modes") == "sliding" else mode_set
+    if not plant.switching.known and (reason := finding.inapplicable(plant)) is not None:
         return f"the mode is not known at run time, and it cannot be found there: {reason}"
     if (reason := basic_reason(plant)) is not None:
         return reason

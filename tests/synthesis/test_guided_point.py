@@ -155,8 +155,7 @@ def test_tampering_is_caught(place, words, designed):
     ('kind = "continuous"', 'kind = "discrete"', "cannot be found there: needs a continuous plant"),
     ('modes = "sliding"', 'modes = "sliding"\nages = 3', 'ages is given, which modes = "set" alone'),
     ('modes = "sliding"', 'blank = 0.2', 'blank is given, which modes = "sliding" alone'),
-    ('set = "interval"', 'tables = "arbitrary"', 'expected "none" or "dwell"'),
-    ('"zonotope"\nmodes = "sliding"\nset = "interval"', '"hinf-filter"\nmodes = "sliding"', "prove nothing of their")])
+    ('set = "interval"', 'tables = "arbitrary"', 'expected "none" or "dwell"')])
 def test_refusals(old, new, words):
     text = CHOSEN.replace(old, new)
     assert text != CHOSEN

@@ -273,7 +273,7 @@ def test_tampering_with_a_design_is_caught(place, words):
 
 @pytest.mark.parametrize("old, new, words", [
     ("set_rows = 12", 'threshold = "calibrated"', "has to be proved"),
-    ("set_rows = 12", 'modes = "sliding"', 'expected "set": sliding modes prove nothing'),
+    ("set_rows = 12", 'modes = "sliding"', "needs a continuous plant"),
     ("minimum_dwell = 1", "", "no dwell time is declared"),
     ("Df = [[1], [0]]", "Df = [[1], [0]]\nDw = [[0.1], [0]]", "disturbances that are not in y")])
 def test_refusals(old, new, words):
