@@ -35,14 +35,14 @@ READ_BY_MAPS = {"M", "G", "L", "K", "Du", "Dy"}
 OF_A_START = ("E", "sizes", "h", "limit", "grow", "floor")
 
 #: Boxes that the C of a family holds as they are in the tables.
-PRINTED = dict.fromkeys(("sliding", "guided"), {"x_lo", "x_hi", "x0_lo", "x0_hi"})
+PRINTED = dict.fromkeys(("sliding", "guided", "guided_point"), {"x_lo", "x_hi", "x0_lo", "x0_hi"})
 #: A real number that is defined in the C: name and value.
 DEFINED = r"#define (\w+) ((?=[\d.]*[.e])\d[\d.]*(?:e[+-]?\d+)?F?)(?=\s|$)"
 
 
 def maps(family: str, t, names: Names, d) -> tuple[MapSpec | Varying, ...]:
     """The affine maps that can be executed with symbols, of filters and of what is driven, guided or follows."""
-    if family == "follower":
+    if family in ("follower", "guided_point"):
         return point_parts.maps(t.told, follower_parts.inner_names(names), d.x, d.y)
     if family == "guided":
         return guided_parts.maps(t.told, guided_parts.inner_names(names), d.x, d.y)
@@ -90,6 +90,9 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
     if design.observer.family == "follower":
         read_apart, known = read_apart | read_told(source, design, d, t, read_apart, found), known | joint_of(t)
         known = {k: v for k, v in known.items() if k != "square" or t.by_squares}
+    elif design.observer.family == "guided_point":
+        read_apart = read_apart | read_told(source, design, d, t, read_apart, found)
+        known = known | ({"widest": t.widest} if t.by_table else {})
     elif design.observer.family == "driven":
         known |= {"frame_limit": t.told.box, "forth": t.S_rounded}  # as the C calls them
     elif design.observer.family == "trailing":

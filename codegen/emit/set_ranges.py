@@ -169,6 +169,17 @@ def guided(t, members: dict[str, str]) -> Ranges:
     return Ranges(own.numbers, own.words, own.about, kept)
 
 
+def guided_point(t, members: dict[str, str]) -> Ranges:
+    """Pairs alike; of the observer a set as where its mode is told, an estimate that is cut to its box; last sample."""
+    own, told = pairs(t, members), t.told
+    inner = RANGES.get(t.set, within_limits)(told, {"shape": "real"})
+    kept = own.kept | {"told_x_hat": (-told.box, told.box)}
+    kept |= {f"told_{name}": (np.minimum(lo, 0), np.maximum(hi, 0)) for name, lo, hi in (  # zero is what init stores
+        ("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi))}
+    return Ranges({f"told_{name}": ends for name, ends in inner.numbers.items()},
+                  own.words | {f"told_{name}": most for name, most in inner.words.items()}, inner.about, kept)
+
+
 def bank(t, members: dict[str, str]) -> Ranges:
     """States and averages, with which all observers start anew beyond their limits; the last measurement; counts."""
     return Ranges({}, {"left": t.keep, "wait": max(t.settle, t.begin), "credit": t.credit}, (),
@@ -253,4 +264,4 @@ def _origin(t) -> dict:
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "starts": thresholds, "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
           "mode": modes, "driven": driven, "follower": follower, "polytopic": polytopic, "descriptor": polytopic,
-          "sliding": pairs, "guided": guided, "bank": bank, "trailing": trailing}
+          "sliding": pairs, "guided": guided, "guided_point": guided_point, "bank": bank, "trailing": trailing}

@@ -50,6 +50,11 @@ class GuidedPointTables(SlidingTables):
         return self.set == "starts"
 
     @property
+    def middle(self) -> Array:
+        """Centre of the declared range (n_x,), as it is rounded."""
+        return centred(self.told.x_lo, self.told.x_hi, self.dtype)[0]
+
+    @property
     def widest(self) -> Array:
         """Half widths of the declared range (n_x,)."""
         return centred(self.told.x_lo, self.told.x_hi, self.dtype)[1]
@@ -103,7 +108,6 @@ class GuidedPointObserver(SlidingObserver):
     family = "guided_point"
     tables_class = GuidedPointTables
     trace_class = GuidedPointTrace
-    stated = False
 
     def bits(self, t: GuidedPointTables) -> int:
         """Alarm bits: the estimator's, those of the observer, crossed bounds."""

@@ -6,13 +6,22 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+import pytest
 
+import codegen
+from codegen.analysis import sliding_measure
 from codegen.designs import Design
 from codegen.observers import GuidedPointObserver, GuidedPointTables, Supervision
+from codegen.plant.load import loads
 from codegen.selection.points import certified, choice_of
 from codegen.synthesis.guided_tables import guided
 
 from . import small_sliding
+from .small_modes import TEXT
+
+#: A plant whose observer is chosen, with gains as given.
+CHOSEN = TEXT.replace('method = "mode-set"', 'method = "zonotope"\nmodes = "sliding"\nset = "interval"\ngains = { '
+                                             "L = [[[0.7], [0]], [[0.7], [0]]] }")
 
 #: Plant, options of the set, parts of A C^+ that L takes and of C^+ that N takes, by name.
 CASES = {"zonotope": ("no input, two outputs", {"order": 6}, (0.3, 0.5)),
@@ -52,3 +61,12 @@ def stand_in(name: str, real: str, supervision=None) -> Design:
     return Design(p, "zonotope", GuidedPointObserver(made, replace(supervision or Supervision(), assures=False)),
                   {real: {"kind": "sliding", "told": {}} for real in made}, {real: ["own words"] for real in made},
                   {real: [] for real in made})
+
+
+@lru_cache
+def designed(which: str = 'set = "interval"') -> Design:
+    """The whole way from the plant file on, for options of the set; of what is measured little."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in (("PERIODS", (1.0,)), ("NOISES", (1.0,)), ("RUNS", 2), ("PACES", (1.0, 2.0))):
+            patch.setattr(sliding_measure, name, value)
+        return codegen.design(loads(CHOSEN.replace('set = "interval"', which)))

@@ -91,6 +91,15 @@ def every_number_of_follower(t, found, modes):
         key: v for key, v in found.items() if not key[0].startswith("told_")}, modes)
 
 
+def every_number_of_guided_point(t, found, modes):
+    """Those of the observer that is told its mode, and of the estimator; of a table what its start must hold."""
+    told = {(key[0].removeprefix("told_"), *key[1:]): v for key, v in found.items() if key[0].startswith("told_")}
+    every_number_of_a_set(t.told, told, modes, ("box",))
+    own = {k: v for k, v in vars(t).items() if k != "told"} | ({"widest": t.widest} if t.by_table else {})
+    every_number_of_the_family(SimpleNamespace(**own), {
+        key: v for key, v in found.items() if not key[0].startswith("told_")}, modes)
+
+
 def every_number_of_trailing(t, found, modes):
     """Those of the filters, each by the name that keeps it apart, and of the estimator."""
     told = {(key[0].removeprefix("told_"), *key[1:]): v for key, v in found.items() if key[0].startswith("told_")}
@@ -123,7 +132,7 @@ def every_number_of_a_set(t, found, modes, beside=("box", "u_lo", "u_hi", "y_lo"
         if stem not in stems or not isinstance(value, np.ndarray):
             same = [v for k, v in vars(t.shape).items() if k != name and k in stems and np.array_equal(v, value)]
             # Whole numbers are compared with the C's text, directions beyond the outputs there may be none.
-            alone = ("floor",) * (len(t.y_lo) == 1)  # of the test of several residuals together
+            alone = ("floor", "slack") * (len(t.y_lo) == 1)  # of the test of several residuals together
             assert same or not isinstance(value, np.ndarray) or name in ("directions", "N", *alone) or not np.any(
                 value), name
             continue

@@ -11,8 +11,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from flint import arb
-from helpers.guided_point import plant, stand_in, tables, told
-from helpers.small_modes import TEXT, exact_course
+from helpers.guided_point import CHOSEN, designed, plant, stand_in, tables, told
+from helpers.small_modes import exact_course
 from synthesis.test_independent import CHECKER
 
 import codegen
@@ -92,16 +92,9 @@ def test_parts_go_together():
 
 # ---------------------------------------------------------------------------------------------- the whole way
 
-CHOSEN = TEXT.replace('method = "mode-set"', 'method = "zonotope"\nmodes = "sliding"\nset = "interval"\ngains = { '
-                                             "L = [[[0.7], [0]], [[0.7], [0]]] }")
-
-
-@pytest.fixture(scope="module")
-def designed():
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in (("PERIODS", (1.0,)), ("NOISES", (1.0,)), ("RUNS", 2), ("PACES", (1.0, 2.0))):
-            patch.setattr(sliding_measure, name, value)
-        return codegen.design(loads(CHOSEN))
+@pytest.fixture(scope="module", name="designed")
+def whole():
+    return designed()
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import driven, follower, guided, small_sliding, solved, trailing
+from helpers import driven, follower, guided, guided_point, small_sliding, solved, trailing
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import PLANTS, stand_in
 from target.test_gappa import REALS, evaluate, fraction, script_of
@@ -295,20 +295,43 @@ def test_script_of_an_observer_that_follows_is_about_the_sums_of_the_reference(n
     own = {f"narrowed_{side}_{i}": v for side, row in (("lo", below - t.xi_room), ("hi", above + t.xi_room))
            for i, v in enumerate(row)}
     agree(text, prefix, own, values, real)
-    uncut, demands, checked = replace(told, box=told.box * 0 + np.inf), SetDemands(design.plant.modes, told), set()
-    for modes, row, which, i in re.findall(
+    estimates_agree(design.plant.modes, told, text, prefix, values, (x, u, y, y_next))
+    others = {n for n in names if not n.startswith(f"{prefix}_told_")}
+    assert others == {f"{prefix}_{n}" for n in (*expected, *own)}
+
+
+@pytest.mark.parametrize("name, real", [("table", "float64"), ("parameters", "float32")])
+def test_script_of_guided_point_observers_is_about_the_sums_of_the_reference(name, real):
+    """Pairs as of an estimator; the estimate of every mode, which has what its set holds for it."""
+    design, rng = guided_point.stand_in(name, real), np.random.default_rng(9)
+    names, expected, values, text, prefix = pairs_of(design, real, rng)
+    agree(text, prefix, expected, values, real)
+    told = design.observer.tables[real].told
+    x = rng.uniform(-told.box, told.box, (1, len(told.box))).astype(real)
+    u, y_next = (np.array([values[f"in_{v}_{j}"] for j in range(n)], dtype=real).reshape(1, n)
+                 for v, n in (("u", len(told.u_lo)), ("y", len(told.y_lo))))
+    y = rng.uniform(told.y_lo, told.y_hi, (1, len(told.y_lo))).astype(real)
+    values |= {f"{s}_{j}": a for s, row in (("s_x_hat", x), ("out_x_hat", x), ("s_u", u), ("s_y", y))
+               for j, a in enumerate(row[0])}
+    estimates_agree(design.plant.enclosed.modes, told, text, prefix, values, (x, u, y, y_next))
+    assert {n for n in names if not n.startswith(f"{prefix}_told_")} == {f"{prefix}_{n}" for n in expected}
+
+
+def estimates_agree(modes, told, text, prefix, values, given):
+    """Estimate and residual in every mode are the sums of the script, with no more room than their set has for them."""
+    (x, u, y, y_next), real = given, told.real
+    uncut, demands, checked = replace(told, box=told.box * 0 + np.inf), SetDemands(modes, told), set()
+    for which_modes, row, which, i in re.findall(
             rf'(?m)^# .*, mode (.*): margin .*\n({prefix}_told_(\w+?)_(\d+)_mode_\d+) r=$', text):
         margin = Q(float.fromhex(re.search(rf"exact_{row}\| <= (\S+)", text)[1]))
-        for q in (q for q, mode in enumerate(design.plant.modes) if f'"{mode.name}"' in modes):
+        for q in (q for q, mode in enumerate(modes) if f'"{mode.name}"' in which_modes):
             p = np.array([q])
             result = {"forward": lambda p: forward(uncut, p, x, u, y, y_next), "blind": lambda p: blind(uncut, p, x, u),
                       "residual": lambda p: residual(told, p, x, u, y_next)}[which](p)
             assert evaluate(text, row, values, np.dtype(real).type) == result[0, int(i)], row
             assert 0 <= margin <= demands.rounding(q, which)[int(i)]
             checked.add((q, which, i))
-    assert len(checked) == len(design.plant.modes) * (2 * len(told.box) + len(t.y_lo))
-    others = {n for n in names if not n.startswith(f"{prefix}_told_")}
-    assert others == {f"{prefix}_{n}" for n in (*expected, *own)}
+    assert len(checked) == len(modes) * (2 * len(told.box) + len(told.y_lo))
 
 
 @pytest.mark.parametrize("name, real", [("input", "float32"), ("no input", "float64")])
