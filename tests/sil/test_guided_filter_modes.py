@@ -62,7 +62,6 @@ MUTANTS = {
     "step of another mode": ("valve_advance(s, in, out->mode);", "valve_advance(s, in, 0U);"),
     "never started": ("    s->told_since = 0U;\n}", "}"),
     "never from anywhere": ("        s->told_stage = VALVE_ANYWHERE;\n", ""),
-    "bits of the estimator's place": ("(uint32_t)2U << i", "(uint32_t)1U << i"),
     "live from the start": ("(!blind) && (s->age > 0U)", "(s->age > 0U)"),
 }
 
