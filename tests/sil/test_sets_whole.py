@@ -53,7 +53,7 @@ def test_plant_file_to_validated_firmware(text, family, tmp_path):
 @pytest.mark.parametrize("old,new,message", [
     ("gains = {", 'order = 3\ngains = {', "order is 3 .found., expected at least 4"),
     ("gains = {", 'tables = "few"\ngains = {', "tables is 'few', expected"),
-    ("gains = {", 'weight = 3\ngains = {', "observer.weight is no option"),
+    ("gains = {", 'wieght = 3\ngains = {', "observer.wieght is no option"),
     ("gains = { L =", "gains = { K =", "gains.K is unknown"),
     ("B = [[0], [1], [0]]", "B = [[0], [1], [0]]\nD = [[1], [0]]", "gains.N: D is not zero"),
     ("[0, 0]], [[0.1", "[0]], [[0.1", "gains.L has shape"),
