@@ -115,6 +115,18 @@ def check_accepted(t, inner: str) -> None:
             raise CertificateError(f"certificate: {name} is beyond the range of the {inner}.")
 
 
+def check_range(t, inner: str) -> None:
+    """Check that what is driven has the estimator's range of x, from which it starts; ``inner``: its name.
+
+    Raises
+    ------
+    CertificateError
+        It has another.
+    """
+    if np.any(t.x_lo != t.told.x_lo) or np.any(t.x_hi != t.told.x_hi):
+        raise CertificateError(f"certificate: the ranges of x are not those of the {inner}.")
+
+
 def rooms(t) -> list[tuple]:
     """Room for S x of the framers' bounds in each row, and what rounding needs of it: (float, fmpq)."""
     unit, n = Q(np.finfo(t.real).eps) / 2, len(t.S)

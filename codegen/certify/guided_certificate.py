@@ -7,13 +7,10 @@ their margins must be for the whole range; why both together hold the state: ``o
 
 from __future__ import annotations
 
-import numpy as np
-
-from ..errors import CertificateError
 from . import sliding_claims
 from .claims import check as check_framers
 from .claims import check_ranges
-from .driven_certificate import check_parameters, check_shared
+from .driven_certificate import check_parameters, check_range, check_shared
 
 
 def check(plant, modes, t, cert: dict) -> list[str]:
@@ -59,8 +56,6 @@ def check_joint(t) -> None:
     CertificateError
         Naming what differs.
     """
-    told = t.told
     check_shared(t)
-    check_parameters(told)
-    if np.any(t.x_lo != told.x_lo) or np.any(t.x_hi != told.x_hi):
-        raise CertificateError("certificate: the ranges of x are not those of the framers.")
+    check_parameters(t.told)
+    check_range(t, "framers")

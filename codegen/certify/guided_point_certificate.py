@@ -8,12 +8,10 @@ for the range of the estimator, and accept what that accepts; why both together 
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..errors import CertificateError
 from . import set_claims, sliding_claims, starts
 from .claims import check_ranges
-from .driven_certificate import check_accepted
+from .driven_certificate import check_accepted, check_range
 
 
 def check(seen, modes, t, cert: dict, limits: dict) -> list[str]:
@@ -66,5 +64,4 @@ def check_joint(t) -> None:
         Naming what differs.
     """
     check_accepted(t, "observer")
-    if np.any(t.x_lo != t.told.x_lo) or np.any(t.x_hi != t.told.x_hi):
-        raise CertificateError("certificate: the ranges of x are not those of the observer.")
+    check_range(t, "observer")

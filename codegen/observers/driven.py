@@ -23,7 +23,7 @@ and from measured parameters, which the estimator has not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,12 +33,13 @@ from .mode_observer import ModeObserver, ModeTrace, expected, merged
 from .mode_set import ModeSet, ModeState, image
 from .mode_tables import ModeTables
 from .supervisor import judge, undisturbed
+from .told import Told, behind
 
 Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class DrivenTables(ModeTables):
+class DrivenTables(Told, ModeTables):
     """Constants of the estimator, and of the framers that it drives.
 
     Parameters
@@ -63,17 +64,12 @@ class DrivenTables(ModeTables):
         """Whether the framers are cut to the declared ranges."""
         return self.told.clamp
 
-    def to_dict(self) -> dict:
-        """Return plain lists for design.json; every float is exact."""
-        return {**super().to_dict(), "told": self.told.to_dict()}
-
     @classmethod
     def from_dict(cls, data: dict, sizes: tuple[int, int, int, int] | None = None) -> DrivenTables:
         """Rebuild from ``to_dict``; ``sizes`` as of ``ModeTables``."""
         mode = ModeTables.from_dict(data, sizes)
-        own = {f.name: getattr(mode, f.name) for f in fields(ModeTables)}
         more = {name: np.array(data[name], dtype=np.float64).astype(mode.dtype) for name in ("S_rounded", "xi_room")}
-        return cls(**own, **more, told=FramerTables.from_dict(data["told"], mode.sizes))
+        return behind(cls, mode, **more, told=FramerTables.from_dict(data["told"], mode.sizes))
 
 
 class DrivenObserver(ModeObserver):

@@ -21,21 +21,22 @@ the plant switches. While several modes are possible the bounds are those over a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from .inner import SETS, alone, begun, chosen, moved, settled
+from .inner import SETS, begun, chosen, moved, settled
 from .mode_observer import ModeObserver, ModeTrace, expected, merged
 from .mode_set import ModeSet, ModeState, image
 from .mode_tables import ModeTables
-from .point import PointObserver, PointTables, centred, residual
+from .point import PointTables, residual
 from .supervisor import judge, undisturbed
+from .told import PointAnswers, ToldPoint, behind
 
 Array = np.ndarray
 
 @dataclass(frozen=True)
-class FollowerTables(ModeTables):
+class FollowerTables(ToldPoint, ModeTables):
     """Constants of the estimator, and of the point observer that follows it.
 
     Parameters
@@ -65,38 +66,18 @@ class FollowerTables(ModeTables):
         """Whether a set begins with squares of half widths."""
         return self.set.startswith("ellipsoid")
 
-    @property
-    def widest(self) -> Array:
-        """Half widths of the observer's range (n_x,): a start that is wider is the whole range."""
-        return centred(self.told.x_lo, self.told.x_hi, self.dtype)[1]
-
-    @property
-    def alone(self) -> PointObserver:
-        """The observer that is told its mode, by itself."""
-        return alone(self.told, self.set)
-
-    @property
-    def by_table(self) -> bool:
-        """Whether a set is a place in a table."""
-        return self.set == "starts"
-
-    def to_dict(self) -> dict:
-        """Return plain lists for design.json; every float is exact."""
-        return {**super().to_dict(), "told": self.told.to_dict()}
-
     @classmethod
     def from_dict(cls, data: dict, sizes: tuple[int, int, int, int] | None = None) -> FollowerTables:
         """Rebuild from ``to_dict``; ``sizes`` as of ``ModeTables``."""
         mode = ModeTables.from_dict(data, sizes)
-        own = {f.name: getattr(mode, f.name) for f in fields(ModeTables)}
         more = {name: np.array(data[name], dtype=np.float64).astype(mode.dtype)
                 for name in ("S_rounded", "xi_room", "grow", "square", "floor")}
         told = PointTables.from_dict(data["told"], mode.sizes, SETS[data["set"]].shape_class)
-        return cls(**own, **more, set=data["set"], told=told)
+        return behind(cls, mode, **more, set=data["set"], told=told)
 
 
 @dataclass(frozen=True)
-class FollowerTrace(ModeTrace):
+class FollowerTrace(PointAnswers, ModeTrace):
     """Answers of a point observer that follows a mode estimator; row k is what it says at sample k.
 
     Parameters
@@ -108,17 +89,7 @@ class FollowerTrace(ModeTrace):
     """
 
     x_hat: Array
-
-    @classmethod
-    def empty(cls, shape: tuple[int, ...], n_x: int, n_y: int, dtype) -> FollowerTrace:
-        """Allocate for runs of the given leading shape, e.g. (K,) or (S, K)."""
-        own = ModeTrace.empty(shape, n_x, n_y, dtype)
-        return cls(*(getattr(own, name) for name in ModeTrace.__dataclass_fields__),
-                   np.full((*shape, n_x), np.nan, dtype=dtype))
-
-    def numbers(self) -> list[Array]:
-        """The fields that are numbers, the estimate first."""
-        return [self.x_hat, self.x_lo, self.x_hi, self.r_lo, self.r_hi]
+    estimator = ModeTrace
 
 
 class FollowerObserver(ModeObserver):

@@ -19,7 +19,7 @@ that is not right (yet). An alarm begins everything anew, the estimator too.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,12 +27,13 @@ from .changed import blind_step, measured_step, turned
 from .framer import FramerTables, residuals
 from .sliding import SlidingObserver
 from .sliding_tables import SlidingTables
+from .told import Told, behind
 
 Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class GuidedTables(SlidingTables):
+class GuidedTables(Told, SlidingTables):
     """Constants of the estimator, and of the framers that it guides.
 
     Parameters
@@ -53,16 +54,11 @@ class GuidedTables(SlidingTables):
         """Whether the framers are cut to the declared ranges."""
         return self.told.clamp
 
-    def to_dict(self) -> dict:
-        """Return plain lists for design.json; every float is exact."""
-        return {**super().to_dict(), "told": self.told.to_dict()}
-
     @classmethod
     def from_dict(cls, data: dict, sizes: tuple[int, int, int, int] | None = None) -> GuidedTables:
         """Rebuild from ``to_dict``; ``sizes`` as of ``SlidingTables``."""
         own = SlidingTables.from_dict(data, sizes)
-        return cls(**{f.name: getattr(own, f.name) for f in fields(SlidingTables)},
-                   told=FramerTables.from_dict(data["told"], own.sizes))
+        return behind(cls, own, told=FramerTables.from_dict(data["told"], own.sizes))
 
 
 class GuidedObserver(SlidingObserver):

@@ -16,19 +16,20 @@ not right (yet). The estimate goes on while an alarm lasts, until everything beg
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from .loose_filter import LooseFilter
 from .sliding import SlidingObserver, SlidingTrace
 from .sliding_tables import SlidingTables
+from .told import FaultAnswers, FaultObserver, Told, behind
 
 Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class GuidedFilterTables(SlidingTables):
+class GuidedFilterTables(Told, SlidingTables):
     """Constants of the estimator, and of the filters that it guides.
 
     Parameters
@@ -44,20 +45,15 @@ class GuidedFilterTables(SlidingTables):
         lo, hi = (np.broadcast_to(end, (1, *self.d_lo.shape)) for end in (self.x_lo, self.x_hi))
         return self.told.started(lo, hi)[0][0]
 
-    def to_dict(self) -> dict:
-        """Return plain lists for design.json; every float is exact."""
-        return {**super().to_dict(), "told": self.told.to_dict()}
-
     @classmethod
     def from_dict(cls, data: dict, sizes: tuple[int, int, int, int] | None = None) -> GuidedFilterTables:
         """Rebuild from ``to_dict``; ``sizes`` as of ``SlidingTables``."""
         own = SlidingTables.from_dict(data, sizes)
-        return cls(**{f.name: getattr(own, f.name) for f in fields(SlidingTables)},
-                   told=LooseFilter.from_dict(data["told"], own.sizes))
+        return behind(cls, own, told=LooseFilter.from_dict(data["told"], own.sizes))
 
 
 @dataclass(frozen=True)
-class GuidedFilterTrace(SlidingTrace):
+class GuidedFilterTrace(FaultAnswers, SlidingTrace):
     """Answers of a filter that sliding modes guide; row k is what it says at sample k.
 
     Parameters
@@ -72,33 +68,16 @@ class GuidedFilterTrace(SlidingTrace):
 
     f_hat: Array
     f_bound: Array
-
-    @classmethod
-    def of(cls, shape: tuple[int, ...], sizes: tuple[int, int, int], dtype) -> GuidedFilterTrace:
-        """Allocate for runs of the given leading shape; ``sizes`` is (n_x, n_y, n_f)."""
-        own = SlidingTrace.empty(shape, *sizes[:2], dtype)
-        return cls(*(getattr(own, name) for name in SlidingTrace.__dataclass_fields__),
-                   *(np.full((*shape, sizes[2]), np.nan, dtype=dtype) for _ in range(2)))
+    estimator = SlidingTrace
 
 
-class GuidedFilterObserver(SlidingObserver):
+class GuidedFilterObserver(FaultObserver, SlidingObserver):
     """The filter among input checks and alarms; see ``Runner`` for the calls. No mode is read."""
 
     family = "guided_filter"
     tables_class = GuidedFilterTables
     trace_class = GuidedFilterTrace
     stated = False
-
-    def empty(self, t, shape: tuple[int, ...]) -> GuidedFilterTrace:
-        """Allocate the answers of runs of the given leading shape."""
-        _, n_x, _, n_y = t.sizes
-        return GuidedFilterTrace.of(shape, (n_x, n_y, t.told.K.shape[1]), t.dtype)
-
-    @classmethod
-    def answers(cls, shape: tuple[int, ...], record: dict, dtype) -> GuidedFilterTrace:
-        """Allocate the answers of compiled C, whose ``resources.json`` is ``record``."""
-        n_f = next(n for name, _, n in record["out"] if name == "f_hat")
-        return GuidedFilterTrace.of(shape, (record["n_x"], record["n_y"], n_f), dtype)
 
     def bits(self, t: GuidedFilterTables) -> int:
         """Alarm bits: the estimator's, one per fault."""

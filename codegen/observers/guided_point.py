@@ -17,20 +17,21 @@ alarm begins everything anew, the estimator too.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from .inner import SETS, alone, begun, chosen, moved, settled
-from .point import PointObserver, PointTables, centred, residual
+from .inner import SETS, begun, chosen, moved, settled
+from .point import PointTables, centred, residual
 from .sliding import SlidingObserver, SlidingTrace
 from .sliding_tables import SlidingTables
+from .told import PointAnswers, ToldPoint, behind
 
 Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class GuidedPointTables(SlidingTables):
+class GuidedPointTables(ToldPoint, SlidingTables):
     """Constants of the estimator, and of the point observer that it guides.
 
     Parameters
@@ -45,39 +46,20 @@ class GuidedPointTables(SlidingTables):
     set: str = ""
 
     @property
-    def by_table(self) -> bool:
-        """Whether a set is a place in a table."""
-        return self.set == "starts"
-
-    @property
     def middle(self) -> Array:
         """Centre of the declared range (n_x,), as it is rounded."""
         return centred(self.told.x_lo, self.told.x_hi, self.dtype)[0]
-
-    @property
-    def widest(self) -> Array:
-        """Half widths of the declared range (n_x,)."""
-        return centred(self.told.x_lo, self.told.x_hi, self.dtype)[1]
-
-    @property
-    def alone(self) -> PointObserver:
-        """The observer that is told its mode, by itself."""
-        return alone(self.told, self.set)
-
-    def to_dict(self) -> dict:
-        """Return plain lists for design.json; every float is exact."""
-        return {**super().to_dict(), "told": self.told.to_dict(), "set": self.set}
 
     @classmethod
     def from_dict(cls, data: dict, sizes: tuple[int, int, int, int] | None = None) -> GuidedPointTables:
         """Rebuild from ``to_dict``; ``sizes`` as of ``SlidingTables``."""
         own, family = SlidingTables.from_dict(data, sizes), data["set"]
-        return cls(**{f.name: getattr(own, f.name) for f in fields(SlidingTables)}, set=family,
-                   told=PointTables.from_dict(data["told"], own.sizes, SETS[family].shape_class))
+        told = PointTables.from_dict(data["told"], own.sizes, SETS[family].shape_class)
+        return behind(cls, own, set=family, told=told)
 
 
 @dataclass(frozen=True)
-class GuidedPointTrace(SlidingTrace):
+class GuidedPointTrace(PointAnswers, SlidingTrace):
     """Answers of a point observer that sliding modes guide; row k is what it says at sample k.
 
     Parameters
@@ -89,17 +71,7 @@ class GuidedPointTrace(SlidingTrace):
     """
 
     x_hat: Array
-
-    @classmethod
-    def empty(cls, shape: tuple[int, ...], n_x: int, n_y: int, dtype) -> GuidedPointTrace:
-        """Allocate for runs of the given leading shape, e.g. (K,) or (S, K)."""
-        own = SlidingTrace.empty(shape, n_x, n_y, dtype)
-        return cls(*(getattr(own, name) for name in SlidingTrace.__dataclass_fields__),
-                   np.full((*shape, n_x), np.nan, dtype=dtype))
-
-    def numbers(self) -> list[Array]:
-        """The fields that are numbers, the estimate first."""
-        return [self.x_hat, self.x_lo, self.x_hi, self.r_lo, self.r_hi]
+    estimator = SlidingTrace
 
 
 class GuidedPointObserver(SlidingObserver):

@@ -23,7 +23,7 @@ own mode alone: nothing rests on how fast the plant switches.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,12 +32,13 @@ from .mode_observer import ModeObserver, ModeTrace, expected, merged
 from .mode_set import ModeSet, image
 from .mode_tables import ModeTables
 from .supervisor import judge, undisturbed
+from .told import FaultAnswers, FaultObserver, Told, behind
 
 Array = np.ndarray
 
 
 @dataclass(frozen=True)
-class TrailingTables(ModeTables):
+class TrailingTables(Told, ModeTables):
     """Constants of the estimator, and of the filters beside it.
 
     Parameters
@@ -47,20 +48,15 @@ class TrailingTables(ModeTables):
 
     told: LooseFilter | None = None
 
-    def to_dict(self) -> dict:
-        """Return plain lists for design.json; every float is exact."""
-        return {**super().to_dict(), "told": self.told.to_dict()}
-
     @classmethod
     def from_dict(cls, data: dict, sizes: tuple[int, int, int, int] | None = None) -> TrailingTables:
         """Rebuild from ``to_dict``; ``sizes`` as of ``ModeTables``."""
         own = ModeTables.from_dict(data, sizes)
-        return cls(**{f.name: getattr(own, f.name) for f in fields(ModeTables)},
-                   told=LooseFilter.from_dict(data["told"], own.sizes))
+        return behind(cls, own, told=LooseFilter.from_dict(data["told"], own.sizes))
 
 
 @dataclass(frozen=True)
-class TrailingTrace(ModeTrace):
+class TrailingTrace(FaultAnswers, ModeTrace):
     """Answers of filters beside a mode estimator; row k is what it says at sample k.
 
     Parameters
@@ -75,32 +71,15 @@ class TrailingTrace(ModeTrace):
 
     f_hat: Array
     f_bound: Array
-
-    @classmethod
-    def of(cls, shape: tuple[int, ...], sizes: tuple[int, int, int], dtype) -> TrailingTrace:
-        """Allocate for runs of the given leading shape; ``sizes`` is (n_x, n_y, n_f)."""
-        own = ModeTrace.empty(shape, *sizes[:2], dtype)
-        return cls(*(getattr(own, name) for name in ModeTrace.__dataclass_fields__),
-                   *(np.full((*shape, sizes[2]), np.nan, dtype=dtype) for _ in range(2)))
+    estimator = ModeTrace
 
 
-class TrailingObserver(ModeObserver):
+class TrailingObserver(FaultObserver, ModeObserver):
     """The filters among input checks and alarms; see ``Runner`` for the calls. No mode is read."""
 
     family = "trailing"
     tables_class = TrailingTables
     trace_class = TrailingTrace
-
-    def empty(self, t, shape: tuple[int, ...]) -> TrailingTrace:
-        """Allocate the answers of runs of the given leading shape."""
-        _, n_x, _, n_y = t.sizes
-        return TrailingTrace.of(shape, (n_x, n_y, t.told.K.shape[1]), t.dtype)
-
-    @classmethod
-    def answers(cls, shape: tuple[int, ...], record: dict, dtype) -> TrailingTrace:
-        """Allocate the answers of compiled C, whose ``resources.json`` is ``record``."""
-        n_f = next(n for name, _, n in record["out"] if name == "f_hat")
-        return TrailingTrace.of(shape, (record["n_x"], record["n_y"], n_f), dtype)
 
     def start(self, t: TrailingTables, runs: int, x0_lo: Array | None = None, x0_hi: Array | None = None) -> None:
         """Set all runs to the initial box (``<p>_init``)."""

@@ -6,9 +6,8 @@ from collections.abc import Iterator
 
 from ..certify import loose_filter, sliding_claims
 from ..certify.claims import check_ranges
-from ..certify.driven_certificate import check_accepted
+from ..certify.driven_certificate import check_accepted, check_range
 from ..certify.filter_bounds import Demand
-from ..errors import CertificateError
 from ..observers import GuidedFilterTables
 from ..plant.bounded import bounded
 from ..plant.model import Plant
@@ -35,8 +34,7 @@ def check(plant: Plant, t: GuidedFilterTables, cert: dict) -> list[str]:
     told, stays = staying(plant)
     check_accepted(t, "filters")
     check_ranges({"x": plant.limits("x"), "x0": (plant.x0_lo, plant.x0_hi)}, t)
-    if (t.x_lo != t.told.x_lo).any() or (t.x_hi != t.told.x_hi).any():
-        raise CertificateError("certificate: the ranges of x are not those of the filters.")
+    check_range(t, "filters")
     check_level(problem_for(told, t.told, stays), cert["told"])
     for demand in demands(plant, t, cert):
         demand.require()
