@@ -1,5 +1,6 @@
 """Write the C of stand-ins quickly: without measuring it and without design.json."""
 
+import shutil
 import subprocess
 
 from codegen.emit import files, firmware
@@ -28,6 +29,15 @@ def built(design, folder, real="float32", layout="table"):
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in firmware(design, real, layout).items():
         (folder / name).write_text(text, encoding="ascii")
+    return build(folder)
+
+
+def mutant(good, folder, change):
+    """Compile a copy of a folder of the plant "valve" with one change, (old, new), of its C; return its driver."""
+    folder, (old, new) = shutil.copytree(good, folder), change
+    text = (folder / "valve.c").read_text()
+    assert text.count(old) >= 1
+    (folder / "valve.c").write_text(text.replace(old, new))
     return build(folder)
 
 
