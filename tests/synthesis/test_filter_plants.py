@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,9 +12,12 @@ from codegen.algebra.template_set import least_kept
 from codegen.errors import DesignError
 from codegen.pipeline import design
 from codegen.plant.load import loads
+from codegen.report import filter_words
 from codegen.selection import filter_designs
+from codegen.synthesis.hinf_analysis import heard
 from codegen.synthesis.hinf_condition import in_reach, out_of_reach
 from codegen.synthesis.hinf_filter import design as solver_design
+from codegen.synthesis.hinf_weights import scaled
 from tests.helpers.filters import farhat
 
 ONE = """
@@ -88,12 +92,34 @@ def test_units_of_reach_are_the_same_problem():
     (("0.5", "1.5"), 'mode "only" has an eigenvalue of size 1.5 '),
     (("0.5", "1"), 'mode "only" has an eigenvalue of size 1 '),
     (("0.5", "0.9999"), "more than 4000 samples to come down"),
+    (("Df = [[1]]", "Df = [[0]]"), "no filter does better than one whose estimate is 0 at every sample"),
     (("set_rows = 8", "target = { num = [0], den = [1] }"), "observer.target: weight: the numerator is 0"),
     (("set_rows = 8", "colour = { num = [0, 0], den = [1, 0.5] }"), "observer.colour: weight: the numerator is 0")])
 def test_refusals_say_what_is_wrong(changes, words):
     with pytest.raises(DesignError) as found:
         design(loads(of(*changes)))
     assert words in str(found.value)
+
+
+def test_a_fault_that_is_not_heard_is_named():
+    """Two faults, of which one does nothing; nor does the estimate of it, and the report says so."""
+    plant = loads(of('range = [-2, 2] }]', 'range = [-2, 2] }, { name = "lost", range = [-1, 1] }]',
+                     "Bf = [[0.3]]", "Bf = [[0.3, 0]]", "Df = [[1]]", "Df = [[1, 0]]"))
+    found = next(filter_designs.explore(plant, plant.options, lambda line: None))
+    assert found.cert["missed"] == ['"lost" in mode "only"']
+    shown = SimpleNamespace(certificate={"float32": found.cert}, plant=plant)
+    assert 'next to nothing is in it of fault "lost" in mode "only"' in filter_words.facts(shown, "float32")[0].text
+    problem = farhat(False)
+    gains = solver_design(problem).gains
+    share = heard(problem, gains)[:, 0]
+    assert np.all(share > 0.8) and np.array_equal(heard(problem, scaled(gains, [np.zeros((1, 1))] * 2)), [[0], [0]])
+    m, (A, B, C, D) = problem.modes[1], gains[1]
+    x, s, total = m.E[:, 1], B @ m.F[:, 1], abs((D @ m.F)[0, 1])
+    for _ in range(200):
+        y = m.C @ x
+        total += abs((C @ s + D @ y)[0])
+        x, s = m.A @ x, A @ s + B @ y
+    assert total == pytest.approx(share[1], rel=1e-9)
 
 
 def test_least_bounds_are_kept_and_least():
