@@ -18,7 +18,7 @@ from ..synthesis.fault_filter import copies, stated, with_copy
 from ..synthesis.hinf_analysis import closed_loop, heard
 from . import filter_calibration
 from .filter_tables import frozen
-from .filters import certify_proposal, propose
+from .filters import certify_proposal, propose, unstable
 
 SYNTHESES = ("slack", "projection")
 #: An estimate that gets less than this of its fault, in its range, is deaf to it.
@@ -64,7 +64,7 @@ def proposed(plant: Plant, options: dict, progress: Callable[[str], None], switc
     deaf = heard(problem, proposal.gains) < DEAF
     if np.all(deaf):
         raise DesignError(
-            f"{plant.name}: no filter does better than one whose estimate is 0 at every sample (found: the level "
+            unstable(problem) or f"{plant.name}: no filter does better than one whose estimate is 0 at every sample (found: the level "
             f"{proposal.claimed:.4g}, less than {100 * DEAF:g} % of any fault in its estimate), expected one that "
             "follows a fault. Where faults act a sample late or are fast, estimate their slow part: observer.target = "
             "{ num = [0.1], den = [1, -0.9] }. Else measure more, declare fewer faults, or narrow the bounds of w and "

@@ -148,14 +148,11 @@ def designed(problem: FilterProblem) -> tuple[FilterDesign, FilterProblem]:
     for whole, form in forms:
         with suppress(DesignError):
             return hinf_filter.design(form), whole
-    if np.any(radii(problem) >= STABLE):
-        raise DesignError(unstable(problem))
+    if reason := unstable(problem):
+        raise DesignError(reason)
     whole, form = forms[-1]
     moved, T, seen = in_reach(form)
-    try:
-        return out_of_reach(hinf_filter.design(moved), T, seen), whole
-    except DesignError as error:
-        raise DesignError(unstable(problem) or str(error)) from None
+    return out_of_reach(hinf_filter.design(moved), T, seen), whole
 
 
 def unstable(problem: FilterProblem) -> str:
