@@ -73,10 +73,10 @@ def proposed(plant: Plant, options: dict, progress: Callable[[str], None], switc
 def nothing_heard(plant: Plant, level: float) -> str:
     """What to do where no fault is in any estimate."""
     return (f"{plant.name}: no filter does better than one whose estimate is 0 at every sample (found: the level "
-            f"{level:.4g}, less than {100 * DEAF:g} % of any fault in its estimate), expected one that follows a fault. "
-            "Where faults act a sample late or are fast, estimate their slow part: observer.target = { num = [0.1], "
-            "den = [1, -0.9] }. Else measure more, declare fewer faults, or narrow the bounds of w and v beside the "
-            "range of f.")
+            f"{level:.4g}, less than {100 * DEAF:g} % of any fault in its estimate), expected one that follows a "
+            "fault. Where faults act a sample late or are fast, estimate their slow part: observer.target = "
+            "{ num = [0.1], den = [1, -0.9] }. Else measure more, declare fewer faults, or narrow the bounds of w and "
+            "v beside the range of f.")
 
 
 def under(problem, switching):
