@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from helpers import driven, follower, guided_point, small_banks, small_modes
+from helpers import driven, follower, guided_filter, guided_point, small_banks, small_modes
 from helpers.designs import GUARDED, stand_in
 from helpers.folders import write
 from helpers.kept import OTHERS, POINTS, STATED, family_of, first_of_each
@@ -185,7 +185,8 @@ FOLLOWER_MUTANTS = {  # set, number type, layout, what of the C, what instead, w
                                 r"\1\2);", "told_hi"),
     "a mode that is none": ("box", "float64", "loop", r"\(q < VALVE_MODES\) && ", "", "valid_read|q <"),
     "guided, more than was": ("guided box", "float32", "table", r"(s->told_y\[0\] = )given", r"\1 2.0F * given",
-                              "told_y")}
+                              "told_y"),
+    "guided filter, a row beyond": ("filter", "float32", "table", r"s->told_since >> 2U", "s->told_since >> 1U", "row <")}
 
 
 @pytest.mark.parametrize("mutant", FOLLOWER_MUTANTS)
@@ -194,14 +195,15 @@ def test_what_is_wrong_of_an_observer_that_follows_is_not_proved(mutant, tmp_pat
     need("frama-c")
     name, real, layout, pattern, text, words = FOLLOWER_MUTANTS[mutant]
     own = name.removeprefix("guided ")
-    design = follower.stand_in(name) if own == name else guided_point.stand_in(own, real)
+    design = (guided_filter.stand_in("one input") if name == "filter" else
+              follower.stand_in(name) if own == name else guided_point.stand_in(own, real))
     folder = write(design, tmp_path, real, layout)
     if pattern:
         rewrite(folder, "valve.c", pattern, text)
     result = prove(folder)
     assert result.proved == (not pattern), result.alarms
     assert not pattern or any(re.search(words, alarm) for alarm in result.alarms), result.alarms
-    if design.observer.family == "guided_point":  # all the rest is proved
+    if design.observer.family.startswith("guided_"):  # all the rest is proved
         assert all(words in alarm for alarm in result.alarms), result.alarms
 
 
