@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..certify.exact import product, rational
+from ..certify.exact import rational
 from ..certify.loose_filter import rounded_start
 from ..selection.trailing_claims import demands
 from . import filter_claims, sliding_claims
@@ -20,7 +20,7 @@ SEEN = ("estimate or output", (*sliding_claims.PAIRS, *GAINS, "told_h"))
 
 
 def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:
-    """Yield (beginning of the sentence, what makes its claim), in the order of ``selection.guided_filter_claims.check``.
+    """Yield (beginning of the sentence, what makes its claim), in the order of ``selection.guided_filter_claims``.
 
     Parameters
     ----------
@@ -56,11 +56,13 @@ def begun(t) -> list[Margin]:
     """The states at a start, and the half widths, against what the proof takes them for."""
     told, c = t.told, rational(t.x_lo / 2 + t.x_hi / 2)
     _, lost = rounded_start(told)
-    slips = [(room - abs(x), f"xi[{i}], mode {q}") for q, (state, E) in enumerate(zip(t.begun, told.E))
-             for i, (room, x) in enumerate(zip(lost[q], rational(state) - product(rational(E), c.reshape(-1, 1))[:, 0]))]
+    off = [abs(rational(state) - rational(E) @ c) for state, E in zip(t.begun, told.E)]
+    slips = [(room - x, f"xi[{i}], mode {q}") for q, pair in enumerate(zip(lost, off))
+             for i, (room, x) in enumerate(zip(*pair))]
     half = rational(told.sizes[0]) - np.maximum(rational(t.x_hi) - c, c - rational(t.x_lo))
     return [tightest("rounding of a start beyond what it is off", slips),
-            tightest("half width of a start beyond the declared range", [(x, f"state {i}") for i, x in enumerate(half)])]
+            tightest("half width of a start beyond the declared range", [
+                (x, f"state {i}") for i, x in enumerate(half)])]
 
 
 def ranges(design, t, cert: dict, build: type, checks: tuple):

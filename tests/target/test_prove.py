@@ -186,7 +186,8 @@ FOLLOWER_MUTANTS = {  # set, number type, layout, what of the C, what instead, w
     "a mode that is none": ("box", "float64", "loop", r"\(q < VALVE_MODES\) && ", "", "valid_read|q <"),
     "guided, more than was": ("guided box", "float32", "table", r"(s->told_y\[0\] = )given", r"\1 2.0F * given",
                               "told_y"),
-    "guided filter, a row beyond": ("filter", "float32", "table", r"s->told_since >> 2U", "s->told_since >> 1U", "row <")}
+    "guided filter, a row beyond": ("filter", "float32", "table", r"s->told_since >> 2U", "s->told_since >> 1U",
+                                    "row <")}
 
 
 @pytest.mark.parametrize("mutant", FOLLOWER_MUTANTS)
