@@ -19,13 +19,13 @@ from codegen.analysis.quick import QuickJudge
 from codegen.certify import containment, criteria
 from codegen.certify.claims import check, prove
 from codegen.certify.error_model import ErrorModel
-from codegen.certify.freeze import freeze
+from codegen.certify.freeze import freeze, limits
 from codegen.errors import CertificateError
 from codegen.observers import FramerTables
 from codegen.plant.load import gallery_names, load
 from codegen.plant.uncertain import is_uncertain
 from codegen.selection import select
-from codegen.selection.select import both_sides, limits
+from codegen.selection.trials import both_sides
 from codegen.synthesis import METHODS, linf, width
 from codegen.synthesis.problem import Problem
 
