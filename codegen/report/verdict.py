@@ -6,7 +6,17 @@ from dataclasses import dataclass
 
 from ..analysis.validate import Outcome
 from . import firmware_words, outcome_words, words
-from .design_words import bounds_states, is_bank, is_filter, is_guided_filter, is_polytopic, is_trailing, is_unproved
+from .design_words import (
+    bounds_states,
+    finds_mode,
+    is_bank,
+    is_filter,
+    is_guided_filter,
+    is_polytopic,
+    is_trailing,
+    is_unproved,
+    sure_faults,
+)
 from .table import Fact
 
 
@@ -138,12 +148,11 @@ def _figures(design, real: str, record: dict, outcomes: list[Outcome]) -> tuple[
     """The tiles: scenarios passed, surely detected faults, cost."""
     passed = sum(o.passed for o in outcomes)
     figures = [Fact("scenarios passed", f"{passed} of {len(outcomes)}")] if outcomes else []
-    for fault in design.detection[real]:
-        by_delay = fault["by_delay"]
-        if by_delay[-1] is None:
-            figures.append(Fact(f"{fault['channel']}: no fault surely detected", "none"))
+    for channel, unit, size, delay in sure_faults(design, real):
+        if size is None:
+            figures.append(Fact(f"{channel}: no fault surely detected", "none"))
             continue
-        when = words.within(by_delay.index(by_delay[-1]), design.plant.sample_period)
-        size = words.quantity(words.at_most(by_delay[-1]), fault["unit"])
-        figures.append(Fact(f"smallest surely detected {fault['channel']} fault, {when}", size))
+        when = words.within(delay, design.plant.sample_period) + " while the mode stays" * finds_mode(design, real)
+        figures.append(Fact(f"smallest surely detected {channel} fault, {when}",
+                            words.quantity(words.at_most(size), unit)))
     return (*figures, *firmware_words.tiles(record))
