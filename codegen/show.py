@@ -170,6 +170,7 @@ def _applies(p: Plant, name: str, entry) -> str:
 def claims(design) -> None:
     """Print what was chosen and what is proved for the target's number type."""
     from .report.design_words import NEVER, finds_mode, sure_faults
+    from .report.little_words import warnings
 
     real = design.plant.target.real
     chosen = next(c for c in design.choice if c["chosen"])
@@ -178,8 +179,10 @@ def claims(design) -> None:
     stays = " while the mode stays, as above" * finds_mode(design, real)
     for channel, unit, size, delay in sure_faults(design, real):
         within = "at once" if delay == 0 else f"within {delay} sample{'s' * (delay > 1)}"
-        out.print(f"  fault {channel}: surely detected: " + (NEVER if size is None else " ".join(
-            part for part in ("from", number(size), unit, "on,", within) if part) + stays))
+        words = f"{f'from {number(size)} {unit}'.rstrip()} on, {within}{stays}"
+        out.print(f"  fault {channel}: surely detected: {NEVER if size is None else words}")
+    for text in warnings(design, real):
+        out.print(f"  warning: {text}", markup=False)
 
 
 def proved(design, sentences: dict[str, list[str]]) -> None:

@@ -21,8 +21,8 @@ MANY = 3  # faults from which it does too
 RESIDUAL = ("While zero lies between the bounds, the measurement agrees with the plant; where it does not, a fault is "
             "proved. Bounds that restart from the declared ranges after an alarm may run off the panel.")
 DOUBTED = ("While zero lies between the bounds, the measurement agrees with the mode that is decided for; where it "
-           "does not, a fault acts, or the decision is not right. From a detection until a mode is taken up, and after an "
-           "alarm, the bounds are those of the declared ranges and may run off the panel.")
+           "does not, a fault acts, or the decision is not right. From a detection until a mode is taken up, and after "
+           "an alarm, the bounds are those of the declared ranges and may run off the panel.")
 ESTIMATE = ("While the estimate is within the band, it may all be disturbance; beyond it a fault is proved. The "
             "band is wide for a while after a start, and where a fault has been seen and is over.")
 

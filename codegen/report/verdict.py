@@ -17,18 +17,23 @@ from .design_words import (
     is_unproved,
     sure_faults,
 )
+from .little_words import warnings
 from .table import Fact
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The headline's parts; ``kind`` is a CSS class ("ok", "bad" or "warn"), ``figures`` the tiles below it."""
+    """The headline's parts; ``kind`` is a CSS class ("ok", "bad" or "warn"), ``figures`` the tiles below it.
+
+    ``warnings`` name the guarantees that say little.
+    """
 
     kind: str
     word: str
     purpose: str
     result: str
     figures: tuple[Fact, ...]
+    warnings: tuple[str, ...]
 
 
 def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict:
@@ -48,12 +53,13 @@ def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict
     """
     complaints = [text for o in outcomes for text in _complaints(design, real, o)]
     figures = _figures(design, real, record, outcomes)
+    little = tuple(text[0].upper() + text[1:] for text in warnings(design, real))
     if not outcomes:
         text = "The plant file has no scenario that could be run."
-        return Verdict("warn", "Not validated", purpose(design), text, figures)
+        return Verdict("warn", "Not validated", purpose(design), text, figures, little)
     if complaints:
         text = f"{'; '.join(complaints)}. Do not use this firmware."
-        return Verdict("bad", "Validation failed", purpose(design), text[0].upper() + text[1:], figures)
+        return Verdict("bad", "Validation failed", purpose(design), text[0].upper() + text[1:], figures, little)
     samples = sum(len(o.trace.status) for o in outcomes)
     found = [e for o in outcomes for e in o.episodes if e.delay is not None]
     injected = sum(len(o.episodes) for o in outcomes)
@@ -73,7 +79,7 @@ def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict
     text = f"In {words.count(len(outcomes), 'scenario')} with {words.count(samples, 'sample')}: {words.listed(parts)}."
     if injected:
         text += f" {len(found)} of {words.count(injected, 'fault')} found; none was later than promised."
-    return Verdict("ok", "Validation passed", purpose(design), text, figures)
+    return Verdict("ok", "Validation passed", purpose(design), text, figures, little)
 
 
 def purpose(design) -> str:
