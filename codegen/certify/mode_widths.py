@@ -54,7 +54,9 @@ def contracted(t, widths: Array, q: int, samples: int) -> Array:
         They have no bound.
     """
     for _ in range(samples):
-        widths = narrowed(t, widths, q)
+        before, widths = widths, narrowed(t, widths, q)
+        if np.array_equal(before, widths):
+            break
     for _ in range(LASTING):
         later = narrowed(t, widths, q)
         if np.all(later <= widths):  # and so at every later sample
