@@ -14,6 +14,7 @@ from codegen.pipeline import design
 from codegen.plant.load import loads
 from codegen.report import filter_words
 from codegen.selection import filter_designs
+from codegen.synthesis.fault_filter import inapplicable
 from codegen.synthesis.hinf_analysis import heard
 from codegen.synthesis.hinf_condition import in_reach, out_of_reach
 from codegen.synthesis.hinf_filter import design as solver_design
@@ -47,6 +48,7 @@ Df = [[1]]
 method = "hinf-filter"
 set_rows = 8
 """
+THETA = 'theta = [{ name = "slip", bounds = [-0.1, 0.1], measured = false }]\n'
 
 
 def of(*changes: str) -> str:
@@ -91,14 +93,20 @@ def test_units_of_reach_are_the_same_problem():
 @pytest.mark.parametrize("changes, words", [
     (("0.5", "1.5"), 'mode "only" has an eigenvalue of size 1.5 '),
     (("0.5", "1"), 'mode "only" has an eigenvalue of size 1 '),
+    (("A = [[0.5]]", 'A = [["1.5 + slip"]]', "[initial]", THETA + "[initial]"),
+     'hinf-filter: mode "only" has an eigenvalue of size 1.5 '),
+    (('"discrete"', '"continuous"', "0.5", "0.001"), 'mode "only" has an eigenvalue of size 1.00001 a sample'),
     (("0.5", "0.9999"), "more than 4000 samples to come down"),
     (("Df = [[1]]", "Df = [[0]]"), "no filter does better than one whose estimate is 0 at every sample"),
     (("set_rows = 8", "target = { num = [0], den = [1] }"), "observer.target: weight: the numerator is 0"),
     (("set_rows = 8", "colour = { num = [0, 0], den = [1, 0.5] }"), "observer.colour: weight: the numerator is 0")])
 def test_refusals_say_what_is_wrong(changes, words):
+    plant = loads(of(*changes))
     with pytest.raises(DesignError) as found:
-        design(loads(of(*changes)))
+        design(plant)
     assert words in str(found.value)
+    reason = inapplicable(plant) or ""
+    assert ("eigenvalue" in reason) == ("eigenvalue" in words and not plant.theta)  # what ``residua check`` says
 
 
 def test_a_fault_that_is_not_heard_is_named():
