@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from difflib import get_close_matches
 
 import numpy as np
 
@@ -85,7 +86,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     methods = [method] if method else [name for name, m in METHODS.items() if m.automatic]
     for name in methods:
         if name not in METHODS:
-            raise DesignError(f"{plant.name}: observer.method is \"{name}\", expected one of {', '.join(METHODS)}.")
+            raise DesignError(f"{plant.name}: observer.method is \"{name}\", expected one of {', '.join(METHODS)}."
+                              + "".join(f' Did you mean "{near}"?' for near in get_close_matches(name, METHODS, n=1)))
     if method and (reason := METHODS[method].module.inapplicable(plant)) is not None:
         raise DesignError(f'{plant.name}: method "{method}" does not apply: {reason}')
     check_options(plant.name, options, known_options(methods))
