@@ -9,17 +9,21 @@ import numpy as np
 import pytest
 
 from codegen.algebra.template_set import least_kept
+from codegen.certify import filter_bounds
+from codegen.certify.filter_model import joint
 from codegen.errors import DesignError
+from codegen.observers import FilterObserver, FilterTables, Supervision
 from codegen.pipeline import design
 from codegen.plant.load import loads
 from codegen.report import filter_words
-from codegen.selection import filter_designs
+from codegen.selection import filter_designs, filter_tables
 from codegen.synthesis.fault_filter import inapplicable
 from codegen.synthesis.hinf_analysis import heard
 from codegen.synthesis.hinf_condition import in_reach, out_of_reach
 from codegen.synthesis.hinf_filter import design as solver_design
 from codegen.synthesis.hinf_weights import scaled
 from tests.helpers.filters import farhat
+from tests.synthesis.test_filter_design import FARHAT, runs
 
 ONE = """
 format = 1
@@ -128,6 +132,38 @@ def test_a_fault_that_is_not_heard_is_named():
         total += abs((C @ s + D @ y)[0])
         x, s = m.A @ x, A @ s + B @ y
     assert total == pytest.approx(share[1], rel=1e-9)
+
+
+LOOSE = FARHAT.replace("C  = [[1, 0.2]]", 'C  = [["1 + 0.1*delta", "0.2 - 0.05*delta"]]').replace(
+    "Dw = [[0.2]]", 'Dw = [["0.2 + 0.1*delta"]]').replace('"float32"', '"float64"').replace(
+    'method = "hinf-filter"', 'method = "hinf-filter"\nset_rows = 8')
+
+
+def most(plant, t) -> float:
+    """Largest |f_hat| over its bound in hostile runs."""
+    d = SimpleNamespace(plant=plant, observer=FilterObserver({"float64": t}, Supervision()))
+    u, y, q = runs(d, count=16, steps=16)
+    trace = d.observer.run_many(u, y, q, "float64")
+    assert np.all(trace.status == 0)
+    return float(np.max(np.abs(trace.f_hat) / trace.f_bound))
+
+
+def test_a_parameter_in_the_outputs_is_in_the_thresholds(monkeypatch):
+    """What it does to y is in the estimate at once; a threshold that forgets that is exceeded."""
+    plant = loads(LOOSE)
+    found = next(filter_designs.explore(plant, plant.options, lambda line: None))
+    assert 0.8 < most(plant, found.tables) <= 1
+
+    def forgetful(modes, t):
+        return tuple(replace(m, pushes=tuple(replace(p, seen=0 * p.seen) for p in m.pushes)) for m in joint(modes, t))
+
+    monkeypatch.setattr(filter_tables, "joint", forgetful)
+    monkeypatch.setattr(filter_bounds, "joint", forgetful)
+    given = filter_tables.plain_tables(plant, {k: getattr(found.tables, k) for k in ("M", "G", "L", "K", "Du", "Dy")},
+                                       "float64")
+    graph = filter_bounds.Graph((None,), ((0, 0, 0), (0, 1, 0)))
+    low, _ = filter_tables.thresholds(plant, given, graph, 8)
+    assert most(plant, FilterTables(**given, **low)) > 1
 
 
 def test_least_bounds_are_kept_and_least():
