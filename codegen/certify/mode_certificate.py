@@ -63,7 +63,8 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
     CertificateError
     """
     check_enclosure(plant, t)
-    claims = Claims(t, plant.limits("x"), plant.limits("u"), dwell_samples(plant), horizon)
+    claims = Claims(t, plant.limits("x"), plant.limits("u"), dwell_samples(plant), horizon,
+                    names=tuple(m.name for m in plant.modes))
     if oldest is None:
         found = claims.delays(restart, widths)
     else:

@@ -209,6 +209,11 @@ def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array
             room = 1 + terms * eps
             out["J_radius"][i, j], out["J_u_radius"][i, j] = error[:, :n] * room, error[:, n:n + n_u] * room
             out["J_reach"][i, j] = (later + error[:, -1]) * room + tiny
+            # Sums of a jump round too; what is kept for those of the mode alone has room for as much as is in them.
+            jump = np.abs(out["J"][i, j]) @ x + np.abs(out["J_u"][i, j]) @ u + np.abs(out["J_shift"][i, j])
+            jump += out["J_radius"][i, j] @ x + out["J_u_radius"][i, j] @ u + out["J_reach"][i, j]
+            base = np.abs(np.column_stack([out[name][j] for name in ("Phi", "Gamma", "shift")])) @ size
+            out["birth"][i, j] += terms * eps * np.maximum(0.3 * jump - 0.7 * base, 0)
     noise = hull(first.Dv, first.v_lo, first.v_hi)
     y = np.abs(S[:plant.n_y]) @ np.max(np.abs(plant.limits("x")), axis=0) + np.max(np.abs(noise), axis=0)
     slack = (n_u + 6) * eps * (y + 3 * np.abs(first.D) @ u) + np.abs(first.D - first.D.astype(real)) @ u + tiny

@@ -76,6 +76,17 @@ SHRUNK = {"reach": 0.5, "birth": 0.9, "J_radius": 0.7, "J_u_radius": 0.5, "J_rea
           "J_shift": 0.9, "S_inverse": 1.001, "D": 1.01, "S": 1.01}
 
 
+def test_far_ranges_are_rounded_for():
+    """Ranges a thousand times the true ones, where what sums lose is as large as the noise; the check sees it all."""
+    far = loads(TEXT.replace("range = [-2.5, 2]", "range = [-2500, 2000]").replace("D  = [[0.1]]\n", ""))
+    t = tables_of(ModeTables, far, 3, "float32")
+    check_enclosure(far, t)
+    with pytest.raises(CertificateError, match="birth"):
+        check_enclosure(far, replace(t, birth=t.birth * np.float32(0.8)))
+    with pytest.raises(CertificateError, match="does not hold"):
+        check_enclosure(far, replace(t, v_lo=t.v_lo * np.float32(0.999)))
+
+
 @pytest.mark.parametrize("name", SHRUNK)
 @pytest.mark.parametrize("real", ["float32", "float64"])
 def test_wrong_constants_are_caught(name, real):
@@ -146,11 +157,15 @@ def test_design_reads_back_and_tampering_is_seen(tmp_path):
     ('method = "mode-set"', 'method = "mode-set"\nages = 3.5', "ages is 3.5, expected a whole number from 1 to 31"),
     ("A = [[-2, 1], [0, -3]]", "A = [[-2, 1], [0, -3e6]]", r'mode "open" has \|A\| T = 1.5e\+05, expected at most 40'),
     ('method = "mode-set"', 'method = "mode-set"\norder = 3', "observer.order is no option of this method"),
+    ('method = "mode-set"', 'method = "mode-set"\nhorizn = 9', 'Did you mean "horizon"'),
+    ('method = "mode-set"', 'method = "mode-sett"', 'Did you mean "mode-set"'),
+    ("range = [0.5, 2]", "range = [-2, 2]", "modes (open|shut) and (open|shut) cannot be told apart"),
+    ("[30.25,", "[58.25,", "samples 58.25 to 60 are 1.75 .expected 20 at least, switching.minimum_dwell"),
     ('method = "mode-set"', 'method = "tnl-interval-lpv"', "D is not zero"),
     ('method = "mode-set"', 'method = "tnl-interval"', "the plant is continuous")])
 def test_refusals(old, new, words):
     text = TEXT.replace(old, new).replace("30.25", "30").replace("60.5", "60")
-    with pytest.raises(DesignError, match=words):
+    with pytest.raises((DesignError, CertificateError, PlantError), match=words):
         codegen.design(loads(text))
 
 
