@@ -209,8 +209,9 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
             outcome = replace(outcome, false_alarms=0, chance=outcome.false_alarms)
         if cert["kind"] == "mode":
             wrong = late(plant.kind, cert, truth, trace, outcome.settled)
-            channels = tuple(f.name for f in plant.f)
-            wrong += missed(plant.kind, channels, cert, truth, trace, outcome.settled)
+            channels, (lo, hi) = tuple(f.name for f in plant.f), plant.limits("x")
+            inside = np.all((truth.x >= lo) & (truth.x <= hi), axis=1)
+            wrong += missed(plant.kind, channels, cert, truth, trace, outcome.settled, inside)
             outcome = replace(outcome, late=wrong)
         out.append(outcome)
     return out + _steered(design, driver, loops, names, seed, progress)

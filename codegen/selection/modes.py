@@ -14,7 +14,7 @@ from ..plant.model import Plant
 from ..synthesis import METHODS
 from ..synthesis.driven_tables import joined
 from ..synthesis.follower_tables import following
-from ..synthesis.mode_set import HORIZON, OLDEST
+from ..synthesis.mode_set import FOUND_WITHIN, HORIZON, OLDEST
 from ..synthesis.mode_tables import tables_of
 
 
@@ -29,7 +29,8 @@ def certified(plant: Plant, options: dict, real: str, ages: int | None, widths=N
     most = min(OLDEST, max(mode_certificate.dwell_samples(plant) - 1, 1))
     t = tables_of(ModeTables, plant, most if ages is None else ages, real)
     return mode_certificate.prove(plant, t, int(options.get("horizon", HORIZON)), most if ages is None else None,
-                                  widths, options.get("restart") == "certified")
+                                  widths, options.get("restart") == "certified",
+                                  int(options.get("found_within", FOUND_WITHIN)))
 
 
 def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], None]) -> Design:
