@@ -34,7 +34,7 @@ def square(n_modes: int, values: dict) -> list[list[int]]:
 
 
 def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | None = None,
-          restart: bool = False, within: int = 1) -> tuple:
+          restart: bool = False, asked: int | list[dict] = 1) -> tuple:
     """Certify tables, with the oldest age that they have or the least that will do.
 
     Parameters
@@ -49,8 +49,9 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
         Where to begin the search for the widths, such as those of the other number type.
     restart : bool
         What holds after an alarm or a reset is certified too; it takes more ages.
-    within : int
-        Samples within which faults have to be found at the latest; 0: none is promised to be.
+    asked : int or list of dict
+        Samples within which faults have to be found at the latest (0: none is promised to be), or promises to look for,
+        such as those of the other number type.
 
     Returns
     -------
@@ -80,7 +81,7 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
             **({"switches": "at samples"} if plant.kind == "discrete" else {})}
     kept: dict = {}
     proved(plant, t, cert, kept)
-    faults = found_faults(plant, t, cert, within, kept)
+    faults = found_faults(plant, t, cert, asked, kept)
     names = [s.name for s in plant.f]
     sizes = {label(names.index(f["channel"]), f["within"]): f["size"] for f in faults}
     return t, cert | ({"faults": faults} if faults else {}) | {
@@ -102,22 +103,35 @@ SAMPLES = (1, 3)
 _FOUND: dict[str, list] = {}
 
 
-def found_faults(plant, t, cert: dict, within: int | None = None, kept: dict | None = None) -> list[dict]:
+def found_faults(plant, t, cert: dict, asked: int | list[dict], kept: dict | None = None) -> list[dict]:
     """Steps of faults that leave no mode possible, anew from the widths of a certificate (``mode_faults``).
 
-    ``within`` None: those that it states, as far as they are sure.
+    Parameters
+    ----------
+    plant, t, cert, kept
+        As of ``proved``.
+    asked : int or list of dict
+        As of ``prove``.
+
+    Returns
+    -------
+    list of dict
     """
     claims, own = claims_on(plant, t, cert, kept), {k: v for k, v in t.to_dict().items() if k not in FRAMERS}
-    given = None if within is not None else [(f["channel"], f["within"], f.get("upto", np.inf)) for f in cert["faults"]]
+    if isinstance(asked, int):
+        samples = [n for n in SAMPLES if n < asked] + [asked] * (asked > 0)
+        asked = [(f.name, n, np.inf) for f in plant.f for n in samples]
+        better = True
+    else:
+        asked, better = [(f["channel"], f["within"], f.get("upto", np.inf)) for f in asked], False
     acting = [[getattr(m, n).tolist() for n in ("Df", "Bf", "A")] for m in plant.modes], [
         [f.name, f.lo, f.hi] for f in plant.f]
-    key = digest(own, [cert["widths"], cert["quiet"], cert["dwell"], within, given], [side.tolist() for side in (
+    key = digest(own, [cert["widths"], cert["quiet"], cert["dwell"], asked, better], [side.tolist() for side in (
         *claims.x, *claims.u)], acting)
     if key not in _FOUND or kept is not None:
         if len(_FOUND) >= 32:
             _FOUND.clear()
-        samples = [n for n in SAMPLES if n < (within or 0)] + [within] * bool(within)
-        _FOUND[key] = surely_found(plant, claims, np.array(cert["widths"]), cert["quiet"], samples, given)
+        _FOUND[key] = surely_found(plant, claims, np.array(cert["widths"]), cert["quiet"], asked, better)
     return _FOUND[key]
 
 
@@ -177,7 +191,7 @@ def check(plant, t, cert: dict) -> list[str]:
         if fresh is None or cert[name] is None or cert[name] < fresh:
             raise CertificateError(f"certificate: {name} is {cert[name]} samples, only {fresh} proved.")
     if cert.get("faults"):
-        fresh = {(f["channel"], f["within"]): f for f in found_faults(plant, t, cert)}
+        fresh = {(f["channel"], f["within"]): f for f in found_faults(plant, t, cert, cert["faults"])}
         for f in cert["faults"]:
             of = fresh.get((f["channel"], f["within"]), {"size": np.inf, "after": 0})
             if f["size"] < of["size"] or f["after"] < of["after"] or f.get("upto", np.inf) > of.get("upto", np.inf):

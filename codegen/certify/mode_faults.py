@@ -245,7 +245,7 @@ def label(j: int, within: int) -> str:
     return f"fault{j}" if within == 1 else f"fault{j}@{within}"
 
 
-def surely_found(plant, claims, widths: Array, quiet: int, samples=(1,), only=None) -> list[dict]:
+def surely_found(plant, claims, widths: Array, quiet: int, asked, better: bool = False) -> list[dict]:
     """State the faults that leave no mode possible.
 
     Parameters
@@ -255,29 +255,28 @@ def surely_found(plant, claims, widths: Array, quiet: int, samples=(1,), only=No
     claims : Claims
     widths : ndarray (n_x,)
     quiet : int
-    samples : sequence of int
-        Within how many samples after the first one, ascending.
-    only : list of (str, int, float), optional
-        Channels, samples and limits to ask for, in place of ``samples``.
+    asked : list of (str, int, float)
+        Channel, within how many samples after the first one, and the largest size to ask for.
+    better : bool
+        Leave out what promises no more of a channel than what was found before.
 
     Returns
     -------
     list of dict
         "channel", "size" from which on it is found, "upto" which size (where that is less than its range), "within"
-        samples after its first, "after": samples since power-up and the last switch. More samples are stated where they
-        promise more.
+        samples after its first, "after": samples since power-up and the last switch.
     """
-    out = []
-    for j, f in enumerate(plant.f):
-        of, last = channel(plant, claims.t, j), None
-        asked = [(n, np.inf) for n in samples] if only is None else [rest for name, *rest in only if name == f.name]
-        for within, limit in asked:
-            size, upto = smallest(claims, widths, quiet, of, within, label(j, within), limit)
-            better = last is None or size < (1 - BETTER) * last[0] or upto > (1 + BETTER) * last[1]
-            if np.isfinite(size) and (only is not None or better):
-                last = size, upto
-                least = {"size": float(size)} | ({"upto": float(upto)} if np.isfinite(upto) else {})
-                out.append({"channel": f.name, **least, "within": within, "after": claims.dwell + quiet})
-            else:
-                forget(claims.kept, label(j, within))
+    out, last, names = [], {}, [f.name for f in plant.f]
+    known = {name: channel(plant, claims.t, names.index(name)) for name in {name for name, *_ in asked}}
+    for name, within, limit in asked:
+        course = label(names.index(name), within)
+        size, upto = smallest(claims, widths, quiet, known[name], within, course, limit)
+        before = last.get(name, (np.inf, 0.0))
+        more = size < (1 - BETTER) * before[0] or upto > (1 + BETTER) * before[1]
+        if np.isfinite(size) and (more or not better):
+            last[name] = size, upto
+            least = {"size": float(size)} | ({"upto": float(upto)} if np.isfinite(upto) else {})
+            out.append({"channel": name, **least, "within": within, "after": claims.dwell + quiet})
+        else:
+            forget(claims.kept, course)
     return out

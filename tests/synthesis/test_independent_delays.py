@@ -158,12 +158,12 @@ def test_rows_with_a_fault_are_those_of_the_proof(checker):
     design, rng = read_design(TWO), np.random.default_rng(2)
     t, cert, p = design.observer.tables["float32"], design.certificate["float32"], bounded(design.plant)
     claims, widths = claims_on(p, t, cert), np.array(cert["widths"])
-    own, exact = FaultCourse(claims, widths, np.array([-1.0]), 0.5), checker[0].exact
+    own, exact = FaultCourse(claims, widths, -np.ones(1), np.array([0.2, -0.1]), np.zeros(2), 0.5), checker[0].exact
     sys.path.insert(0, str(CHECKER.parent))
     hidden = __import__("independent_hidden")
     sys.path.remove(str(CHECKER.parent))
     other = hidden.FaultStories(t.to_dict(), list(zip(*(x.tolist() for x in p.limits("x")))), exact(widths.tolist()),
-                                exact([-1.0]), checker[0].F(1, 2))
+                                exact([-1.0]), exact([0.2, -0.1]), 0, checker[0].F(1, 2))
     for story in (Story(0, 0, 0), Story(1, 1, 0, -2), Story(0, 0, 1, 0)):
         first = min(-1, story.born or -1)
         program, _ = own.told(story, first, 1)
