@@ -15,7 +15,7 @@ from synthesis.test_independent import CHECKER
 from codegen.certify.mode_certificate import claims_on
 from codegen.certify.mode_claims import Claims
 from codegen.certify.mode_delay import Story
-from codegen.certify.mode_faults import FaultCourse
+from codegen.certify.mode_faults import FaultCourse, label
 from codegen.certify.mode_witness import stated
 from codegen.designs import read_design
 from codegen.observers.mode_set import ModeSet
@@ -46,7 +46,7 @@ def test_every_committed_design_brings_its_multipliers(folder):
     data, _ = data_of(folder)
     for cert in data["certificate"].values():
         names = cert["witnesses"]
-        faults = {f"fault0{sign}" for sign in "+-" if "faults" in cert}
+        faults = {f"{label(0, f['within'])}{sign}" for sign in "+-" for f in cert["faults"]}
         assert {name.split()[0] for name in names} == {"settled", "begun", "early"} | faults
         assert sum(map(len, names.values())) < 80_000 and all(v.split() for v in names.values())
 

@@ -82,7 +82,7 @@ def test_tampering_is_caught(key, change):
 
 
 def test_more_noise_hides_more_and_children_count():
-    """The size follows the noise; faults of the state, and ages that are too few, promise nothing."""
+    """The size follows the noise; none is of a fault that no output sees, a larger one where children come of age."""
     made = design()
     cert, t, p = made.certificate["float32"], made.observer.tables["float32"], bounded(made.plant)
     claims, widths = mode_certificate.claims_on(p, t, cert), np.array(cert["widths"])
