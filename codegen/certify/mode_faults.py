@@ -96,7 +96,7 @@ class FaultCourse(Course):
     ----------
     claims : Claims
     widths : ndarray (n_x,)
-    seen, pushed, off : ndarray
+    seen : ndarray (n_y,), pushed : ndarray (n_x,), off : ndarray (n_x,)
         Rows of ``Channel`` of that mode, with the sign of the fault.
     top : float
         Largest fault.

@@ -193,7 +193,8 @@ def test_the_whole_way(tmp_path):
     assert design.observer.family == "trailing" and len(design.claims("float32")) >= 8
     again = read_design(design.save(tmp_path / "design.json"))
     assert again.digest == design.digest and recheck(again) == design.proved
-    quiet, faulty = validate(design, built(design, tmp_path / "c"))
+    quiet, faulty, *promised = validate(design, built(design, tmp_path / "c"))
+    assert promised and all(o.passed for o in promised)
     assert quiet.passed and quiet.settled.all() and faulty.passed and faulty.episodes[0].delay is not None
     during = slice(80 + 5, 120)
     estimate, modes = faulty.trace.f_hat[during, 0], faulty.trace.mode[during]
