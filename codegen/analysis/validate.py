@@ -17,7 +17,7 @@ from ..observers.supervisor import BAD_INPUT, BAD_MODE, BAD_PARAMETER
 from ..plant.model import Plant, PlantTrace, Scenario
 from ..plant.simulate import simulate
 from . import promised
-from .mode_promise import dropped, keeps_the_true_mode, late, missed, unbound, understated
+from .mode_promise import dropped, keeps_the_true_mode, late, missed, unbound, understated, within_range
 from .steering import Steering, steered
 from .steering import names as names_of
 
@@ -217,8 +217,7 @@ def _judged(design, driver, scenarios: list[Scenario], truths: list[PlantTrace],
             outcome = replace(outcome, false_alarms=0, chance=outcome.false_alarms)
         if cert["kind"] == "mode":
             wrong = late(plant.kind, cert, truth, trace, outcome.settled)
-            channels, (lo, hi) = tuple(f.name for f in plant.f), plant.limits("x")
-            inside = np.all((truth.x >= lo) & (truth.x <= hi), axis=1)
+            channels, inside = tuple(f.name for f in plant.f), within_range(plant, truth)
             wrong += missed(plant.kind, channels, cert, truth, trace, outcome.settled, inside)
             outcome = replace(outcome, late=wrong)
         out.append(outcome)

@@ -7,6 +7,8 @@ no solution, by witnesses in rational numbers, and constants that hold the plant
 from __future__ import annotations
 
 from dataclasses import replace
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+from fractions import Fraction
 
 import numpy as np
 
@@ -25,7 +27,8 @@ def dwell_samples(plant) -> int:
     s = plant.switching
     if s.average_dwell is None or s.chatter != 1:
         return 0
-    return int(s.average_dwell / plant.sample_period + 1e-9)
+    dwell, period = (Fraction(repr(float(x))) for x in (s.average_dwell, plant.sample_period))  # 0.3 is 3 x 0.1
+    return int(dwell / period)
 
 
 def square(n_modes: int, values: dict) -> list[list[int]]:
@@ -64,7 +67,8 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
     CertificateError
     """
     check_enclosure(plant, t)
-    claims = Claims(t, plant.limits("x"), plant.limits("u"), dwell_samples(plant), horizon)
+    claims = Claims(t, plant.limits("x"), plant.limits("u"), dwell_samples(plant), horizon,
+                    names=tuple(m.name for m in plant.modes))
     if oldest is None:
         found = claims.delays(restart, widths)
     else:
@@ -233,10 +237,16 @@ def sentences(plant, t, cert: dict) -> list[str]:
 
 def _seen(plant, f: dict, time) -> str:
     """What is promised of a fault."""
-    size = f"{f['size']:.6g} or more" + (f" and {f['upto']:.6g} or less" if "upto" in f else "")
+    size = f"{_six(f['size'], ROUND_CEILING)} or more"
+    size += f" and {_six(f['upto'], ROUND_FLOOR)} or less" if "upto" in f else ""
     lasts = " it lasts that long," if f["within"] > 1 else ""
     inside = " x stays within its range," if plant.acts_on_state(f["channel"]) else ""
     return (f'a step of the fault "{f["channel"]}" of {size}, either way, leaves no mode possible within '
             f"{time(f['within'])} of its first one, if{lasts} it begins {time(f['after'])} or more after power-up and "
             f"the last switch, no alarm came before, the mode stays,{inside} and measurements are neither missing nor "
             "refused")
+
+
+def _six(x: float, rounding: str) -> str:
+    """Six digits, rounded so that what is said holds."""
+    return f"{float(Context(prec=6, rounding=rounding).create_decimal_from_float(x)):.6g}"

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from ..analysis import plots, svg
 from ..analysis.panels import Run, joint_only
 from ..analysis.validate import Episode, Outcome
-from ..observers import FilterTrace
+from ..observers import FilterTrace, SlidingTrace
 from . import words
 from .table import Plot
 
@@ -20,6 +20,9 @@ JOINTLY = (" “Only jointly”: every residual is within its own bound, and all
 MANY = 3  # faults from which it does too
 RESIDUAL = ("While zero lies between the bounds, the measurement agrees with the plant; where it does not, a fault is "
             "proved. Bounds that restart from the declared ranges after an alarm may run off the panel.")
+DOUBTED = ("While zero lies between the bounds, the measurement agrees with the mode that is decided for; where it "
+           "does not, a fault acts, or the decision is not right. From a detection until a mode is taken up, and after "
+           "an alarm, the bounds are those of the declared ranges and may run off the panel.")
 ESTIMATE = ("While the estimate is within the band, it may all be disturbance; beyond it a fault is proved. The "
             "band is wide for a while after a start, and where a fault has been seen and is over.")
 
@@ -42,7 +45,8 @@ def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
         return ()
     run, title = plots.whole(plant, o.truth, o.trace), o.scenario.name
     joint = o.trace.bounded and joint_only(run).any()
-    caption = ESTIMATE if isinstance(o.trace, FilterTrace) else RESIDUAL + JOINTLY * bool(joint)
+    usual = DOUBTED if isinstance(o.trace, SlidingTrace) else RESIDUAL
+    caption = ESTIMATE if isinstance(o.trace, FilterTrace) else usual + JOINTLY * bool(joint)
     every = Plot(inline(plots.residual_figure(run), f"{name}r", f"Residuals of scenario {title}"), caption)
     if not o.episodes or (len(o.episodes) <= MANY and len(o.trace.status) <= LONG):
         return (every,)
@@ -78,8 +82,10 @@ def states(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
         return ()
     run = plots.whole(plant, o.truth, o.trace)
     known = "" if run.simulated else " A record has no true state to compare with."
+    kind = "bounds of every state, guaranteed while the decision is right" if isinstance(o.trace, SlidingTrace) else (
+        "guaranteed bounds of every state")
     return (Plot(inline(plots.state_figure(run), f"{name}x", f"State bounds of scenario {o.scenario.name}"),
-                 f"The guaranteed bounds of every state.{known}"),)
+                 f"The {kind}.{known}"),)
 
 
 def around(run: Run, e: Episode) -> Run:

@@ -15,7 +15,7 @@ from helpers.reports import StandInDriver
 from helpers.small_modes import TEXT, tables
 from synthesis.test_independent import CHECKER
 
-from codegen.analysis.mode_promise import missed
+from codegen.analysis.mode_promise import missed, within_range
 from codegen.analysis.promised import names, trials
 from codegen.analysis.validate import side_by_side, validate
 from codegen.certify import mode_certificate, mode_faults
@@ -76,9 +76,9 @@ def lost(name, promise, size, blind=False):
     plant = case(name)[0]
     truths, traces, start, steps = runs(name, promise["within"], promise["after"], size)
     traces = replace(traces, raw_bits=0 * traces.raw_bits) if blind else traces
-    (lo, hi), channels, settled = plant.limits("x"), tuple(f.name for f in plant.f), np.arange(steps) < start
+    channels, settled = tuple(f.name for f in plant.f), np.arange(steps) < start
     return sum(missed(plant.kind, channels, {"faults": [promise]}, truth, traces.row((i, slice(steps))), settled,
-                      np.all((truth.x >= lo) & (truth.x <= hi), axis=1)) for i, truth in enumerate(truths)), len(truths)
+                      within_range(plant, truth)) for i, truth in enumerate(truths)), len(truths)
 
 
 @pytest.mark.parametrize("name, share", [("mode", 0.2), ("follower", 0.3), ("trailing", 0.5), ("state", 0.5)])
