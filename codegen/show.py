@@ -169,8 +169,9 @@ def _applies(p: Plant, name: str, entry) -> str:
 
 def claims(design) -> None:
     """Print what was chosen and what is proved for the target's number type."""
-    from .report.design_words import NEVER, finds_mode, smallest_promises, sure_faults
+    from .report.design_words import NEVER, finds_mode, sure_faults
     from .report.little_words import warnings
+    from .report.mode_words import smallest_promises
 
     real = design.plant.target.real
     chosen = next(c for c in design.choice if c["chosen"])

@@ -288,18 +288,6 @@ def finds_mode(design, real: str) -> bool:
     return design.certificate[real]["kind"] in ("mode", "sliding")
 
 
-def smallest_promises(design, real: str) -> dict[str, dict]:
-    """The promise of the smallest size, by channel, where the firmware finds the mode.
-
-    Parameters
-    ----------
-    design : Design
-    real : {"float32", "float64"}
-    """
-    promised = sorted(design.certificate[real].get("faults", ()), key=lambda f: -f["size"])
-    return {f["channel"]: f for f in promised}
-
-
 def sure_faults(design, real: str) -> list[tuple[str, str, float | None, int]]:
     """List channel, unit, the size that is surely detected (None: no size is) and within how many samples.
 
@@ -313,7 +301,7 @@ def sure_faults(design, real: str) -> list[tuple[str, str, float | None, int]]:
     list of tuple
         Where the firmware finds the mode: of a step while the mode stays.
     """
-    own = {name: (f["size"], f["within"]) for name, f in smallest_promises(design, real).items()}
+    own = {name: (f["size"], f["within"]) for name, f in mode_words.smallest_promises(design, real).items()}
     out = []
     for fault in design.detection[real]:
         size = fault["by_delay"][-1]
