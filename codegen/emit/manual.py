@@ -86,21 +86,20 @@ def assumed(design, tables, monitors_dwell: bool) -> tuple[str, ...]:
     items += _bounds(plant, "disturbance", plant.w, "w") + _bounds(plant, "measurement noise", plant.v, "v")
     items += _parameters(plant) + _sampling(plant)
     if plant.n_modes > 1 and not plant.switching.known:
-        items.append(_apart(design.certificate[tables.real], plant.sample_period))
+        items.append(_apart(plant, tables))
     if monitors_dwell:
         items.append("The mode switches slowly enough on average. This is watched: see assured and the bucket.")
     items.append("Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.")
     return tuple(line for item in items for line in paragraph(item, "- "))
 
 
-def _apart(cert: dict, period: float) -> str:
+def _apart(plant, tables) -> str:
     """State how far apart switches have to be where nobody tells the mode."""
-    def time(samples: int) -> str:
-        return f"{samples} samples ({samples * period:.4g} s)"
-    if cert["kind"] == "sliding":
-        return f"Switches are at least {time(cert['dwell'])} apart, as far as alarms go. Nothing watches that."
-    return (f"Switches are at least {time(cert['ages'] + 1)} apart, for all that is said of bounds and alarms, and "
-            f"{time(cert['dwell'])} for the delays. Nothing watches that.")
+    declared, ages = f"{plant.switching.average_dwell:g} s", getattr(tables, "ages", None)
+    if ages is None:
+        return f"Switches are at least {declared} apart, as far as alarms go. Nothing watches that."
+    return (f"Switches are at least {ages + 1} samples ({(ages + 1) * plant.sample_period:.4g} s) apart, for all that "
+            f"is said of bounds and alarms, and {declared} for the delays. Nothing watches that.")
 
 
 def _parameters(plant) -> list[str]:

@@ -200,7 +200,7 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
     fields = own.state
     text = Manual(manual.banner(design, target.prefix, real, layout, version), manual.about(plant),
                   manual.proved(design, real), manual.assumed(design, t, s.monitors_dwell),
-                  manual.alarm(s, target.prefix, own.noun, design.certificate[real]["kind"] == "mode"), manual.dwell(s),
+                  manual.alarm(s, target.prefix, own.noun, any(b.macro == "NO_MODE" for b in bits)), manual.dwell(s),
                   _resources(fields.size, own.operations))
     quiet = [*["(s->hold == 0U)"] * s.counts_hold, *["(s->latched == 0U)"] * s.latch,
              *["(s->too_fast == 0U)"] * s.monitors_dwell]
