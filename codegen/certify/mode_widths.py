@@ -56,7 +56,9 @@ def contracted(t, widths: Array, q: int, samples: int) -> Array:
         They have no bound.
     """
     for _ in range(samples):
-        widths = np.minimum(narrowed(t, widths, q), HUGE)  # refused below, before it overflows
+        before, widths = widths, np.minimum(narrowed(t, widths, q), HUGE)  # refused below, before it overflows
+        if np.array_equal(before, widths):
+            break
     for _ in range(LASTING):
         later = narrowed(t, widths, q)
         if np.all(later <= widths):  # and so at every later sample

@@ -49,16 +49,18 @@ def check_options(where: str, options: dict, known: dict | None = None) -> None:
             raise DesignError(f'{where}: observer.{key} is given, which threshold = "calibrated" alone reads. '
                               "Remove it, or let the thresholds be calibrated.")
         allowed = known[key]
+        whole = allowed is not dict and all(type(a) is int for a in allowed)
         if allowed is dict:
             good = isinstance(value, dict)
         elif isinstance(allowed[0], str):
             good = value in allowed
         else:
             good = isinstance(value, int | float) and not isinstance(value, bool) and allowed[0] <= value <= allowed[1]
+            good = good and (not whole or value == int(value))
         if not good:
             words = "a table" if allowed is dict else (
                 " or ".join(f'"{a}"' for a in allowed) if isinstance(allowed[0], str)
-                else f"a number from {allowed[0]:g} to {allowed[1]:g}")
+                else f"a {'whole ' * whole}number from {allowed[0]:g} to {allowed[1]:g}")
             raise DesignError(f"{where}: observer.{key} is {value!r}, expected {words}.")
 
 

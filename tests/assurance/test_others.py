@@ -64,7 +64,9 @@ def printed(name, layout, real="float32"):
 
 
 def test_every_family_of_its_own_is_walked():
-    assert {family_of(f) for f in OTHERS} == set(OWN) - {"guided_point"} and set(OWN) <= set(FAMILIES)
+    """Of those that have no folder yet there are tests of their own."""
+    kept = {family_of(f) for f in OTHERS}
+    assert set(OWN) - {"guided_point", "guided_filter"} <= kept <= set(OWN) <= set(FAMILIES)
 
 
 @pytest.mark.parametrize("name, layout, real", KINDS)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from exact import ExactPlant, feed, in_ranges, inputs, lost, mode_sequence, random_corners
 
-from codegen.certify.freeze import freeze
+from codegen.certify.freeze import freeze, limits
 from codegen.errors import DesignError
 from codegen.observers import FramerTables
 from codegen.plant.load import load, loads
 from codegen.plant.simulate import range_violations, simulate
-from codegen.selection.select import choose, limits
+from codegen.selection.select import choose
 from codegen.synthesis import METHODS
 from codegen.synthesis.problem import Problem
 from codegen.synthesis.structure import best_row, obstruction, unseen_growth

@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 from click.testing import CliRunner
-from helpers import guided_point, small_banks
+from helpers import guided_filter, guided_point, small_banks
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
 from helpers.kept import KEPT, POINTS, family_of
@@ -42,8 +42,10 @@ def test_other_observers(family):
     assert found.runs == 2000 and found.edges > 80
 
 
-def test_a_guided_point_observer(tmp_path):
-    found = run(write(guided_point.stand_in("box", "float32"), tmp_path, "float32", "table"), 2000)
+@pytest.mark.parametrize("made", [lambda: guided_point.stand_in("box", "float32"),
+                                  lambda: guided_filter.stand_in("one input", share=0.23)], ids=["point", "filter"])
+def test_what_sliding_modes_guide(made, tmp_path):
+    found = run(write(made(), tmp_path, "float32", "table"), 2000)
     require(found)
     assert found.runs == 2000 and found.edges > 80
 
