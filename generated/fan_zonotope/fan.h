@@ -51,8 +51,8 @@
  *   where the boxes start again after a fault.
  * - The disturbance w[0] (gust) is in [-0.005, 0.005].
  * - The measurement noise v[0] (noise) is in [-0.02, 0.02].
- * - Switches are at least 4 samples (0.4 s) apart, for all that is said of bounds and alarms, and 10
- *   samples (1 s) for the delays. Nothing watches that.
+ * - Switches are at least 4 samples (0.4 s) apart, for all that is said of bounds and alarms, and 1 s for
+ *   the delays. Nothing watches that.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT

@@ -57,8 +57,8 @@
  *   0.005.
  * - The inputs are held from sample to sample. The mode changes at any instant. Disturbances and parameters
  *   may move between samples too: the bounds hold at the samples whatever they do there.
- * - Switches are at least 4 samples (0.2 s) apart, for all that is said of bounds and alarms, and 20
- *   samples (1 s) for the delays. Nothing watches that.
+ * - Switches are at least 4 samples (0.2 s) apart, for all that is said of bounds and alarms, and 1 s for
+ *   the delays. Nothing watches that.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT

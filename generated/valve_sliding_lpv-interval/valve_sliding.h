@@ -54,7 +54,7 @@
  *   0.005.
  * - The inputs are held from sample to sample. The mode changes at any instant. Disturbances and parameters
  *   may move between samples too: the bounds hold at the samples whatever they do there.
- * - Switches are at least 20 samples (1 s) apart, as far as alarms go. Nothing watches that.
+ * - Switches are at least 1 s apart, as far as alarms go. Nothing watches that.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT

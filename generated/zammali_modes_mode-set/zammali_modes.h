@@ -49,8 +49,8 @@
  * - The measurement noise v[0] (v) is in [-0.02, 0.02].
  * - The inputs are held from sample to sample. The mode changes at any instant. Disturbances and parameters
  *   may move between samples too: the bounds hold at the samples whatever they do there.
- * - Switches are at least 7 samples (0.035 s) apart, for all that is said of bounds and alarms, and 30
- *   samples (0.15 s) for the delays. Nothing watches that.
+ * - Switches are at least 7 samples (0.035 s) apart, for all that is said of bounds and alarms, and 0.15 s
+ *   for the delays. Nothing watches that.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT
