@@ -287,6 +287,7 @@ def compared(p: Plant, found) -> None:
 def methods(entries) -> None:
     """Print METHODS."""
     rows = table("methods", "method", "what", "plants", "source")
+    rows.columns[0].no_wrap = True
     for name, m in entries.items():
         rows.add_row(name, m.summary, ", ".join(m.kinds), m.reference)
     out.print(rows)
@@ -295,6 +296,7 @@ def methods(entries) -> None:
 def gallery(plants: list[Plant]) -> None:
     """Print the gallery."""
     rows = table("gallery", "plant", "what", "modes", "states", "source")
+    rows.columns[0].no_wrap = True
     for p in plants:
         rows.add_row(p.name, p.title, str(p.n_modes) if p.polytope is None else _count(p), str(p.n_x), p.source)
     out.print(rows)

@@ -295,6 +295,6 @@ def test_where_no_method_certifies_the_others_are_named(monkeypatch):
     with pytest.raises(CertificateError) as caught:
         select.first_certified(load("dlpv"), ["descriptor-uncertain", "descriptor-discrete"], {}, str)
     told = str(caught.value)
-    assert told.startswith("certificate: descriptor-uncertain fails. (Tried: descriptor-uncertain, descriptor-discrete.)")
+    assert told.startswith("certificate: descriptor-uncertain fails. (Tried: descriptor-uncertain, descriptor-discrete")
     named = told.split("method that applies: ")[1]
     assert "descriptor-error" in named and "descriptor-uncertain" not in named and "tnl-interval" not in named
