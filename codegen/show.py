@@ -274,7 +274,8 @@ def compared(p: Plant, found) -> None:
         out.print(rows)
         out.print("width: guaranteed, states in units of their ranges, summed; faults: smallest step surely detected, "
                   "- where none is proved, whatever the modes do; mode lasts: samples, for the "
-                  "guarantee; multiply-adds: of the dearest call; instructions: of the dearest ordinary step, Cortex-M4F in QEMU; flash, RAM, stack: bytes, "
+                  "guarantee; multiply-adds: of the dearest call; instructions: of the dearest "
+                  "ordinary step, Cortex-M4F in QEMU; flash, RAM, stack: bytes, "
                   f"{', '.join(sorted({c.chip for c in made}))} at -Os")
     groups: dict[str, list[str]] = {}
     for c in found:
