@@ -110,8 +110,7 @@ def late(kind: str, cert: dict, truth, trace, settled: Array) -> int:
     return found
 
 
-def due(kind: str, names: tuple[str, ...], cert: dict, truth, trace, settled: Array,
-        inside=True) -> list[tuple[int, dict]]:
+def due(kind: str, names: tuple[str, ...], cert: dict, truth, trace, settled: Array, inside=True) -> list:
     """Steps of a fault of which the certificate says that they leave no mode possible.
 
     Parameters
@@ -146,3 +145,20 @@ def missed(kind: str, names: tuple[str, ...], cert: dict, truth, trace, settled:
     """How many of the steps that are ``due`` left a mode possible; the parameters are the same."""
     return sum(not np.any(trace.raw_bits[k:k + promise["within"] + 1])
                for k, promise in due(kind, names, cert, truth, trace, settled, inside))
+
+
+def within_range(plant, truth) -> Array:
+    """Samples at which x is within its declared range.
+
+    Parameters
+    ----------
+    plant : Plant
+    truth : PlantTrace
+
+    Returns
+    -------
+    ndarray (K,) bool
+        Where x is not known, it counts as that.
+    """
+    lo, hi = plant.limits("x")
+    return ~np.any((truth.x < lo) | (truth.x > hi), axis=1)

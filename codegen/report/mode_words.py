@@ -73,15 +73,17 @@ def detection(design, real: str) -> Table:
     plant, cert = design.plant, design.certificate[real]
     sure, T, rows = cert.get("faults", ()), plant.sample_period, []
     for signal in plant.f:
-        name, reach = signal.name, words.interval(signal.lo, signal.hi, signal.unit)
-        own = [f for f in sure if f["channel"] == name]
-        rows += [(name, reach, words.quantity(words.at_most(f["size"]), signal.unit)
-                  + (f" to {words.quantity(words.at_least(f['upto']), signal.unit)}" if "upto" in f else " or more"),
-                  words.within(f["within"], T), words.delay(f["after"], T)) for f in own] or [
-                      (name, reach, Cell("no size is promised", "num warn"), words.NONE, words.NONE)]
-    held = ("A step of this size, of either sign, leaves no mode possible within this time, if it lasts that long and "
-            "begins so long after power-up and the last switch, the mode stays, no alarm came before and no "
-            "measurement is missing." + " A larger one may pass for a switch." * any("upto" in f for f in sure))
+        name = signal.name, words.interval(signal.lo, signal.hi, signal.unit)
+        own = [f for f in sure if f["channel"] == signal.name]
+        for f in own:
+            size = words.at_most(f["size"]) + (f" to {words.at_least(f['upto'])}" if "upto" in f else "")
+            size = Cell(words.quantity(size, signal.unit), "num")
+            rows.append((*name, size, words.within(f["within"], T), words.delay(f["after"], T)))
+        if not own:
+            rows.append((*name, Cell("no size is promised", "num warn"), words.NONE, words.NONE))
+    held = ("A step of this size or more (or between these sizes), of either sign, leaves no mode possible within this "
+            "time, if it lasts as long, begins so long after power-up and the last switch, the mode stays, no alarm "
+            "came before, no measurement is missing and x is within its range.")
     notes = [held] * bool(sure)
     if len({f["channel"] for f in sure}) < plant.n_f:
         notes.append("Where no size is promised a fault may pass for a change of the mode, or for a decision that is "

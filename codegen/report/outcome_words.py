@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..analysis.mode_promise import due
+from ..analysis.mode_promise import due, within_range
 from ..analysis.validate import Episode, Outcome
 from . import words
 from .design_words import (
@@ -126,8 +126,7 @@ def _leaves_no_mode(design, real: str, outcome: Outcome, e: Episode) -> tuple[in
     if size is None:
         return None, "no size is promised"
     cert, channels = design.certificate[real], tuple(f.name for f in design.plant.f)
-    lo, hi = design.plant.limits("x")
-    inside = np.all((outcome.truth.x >= lo) & (outcome.truth.x <= hi), axis=1)
+    inside = within_range(design.plant, outcome.truth)
     sure = due(design.plant.kind, channels, cert, outcome.truth, outcome.trace, outcome.settled, inside)
     limits = [own["within"] for k, own in sure if k == e.start and own["channel"] == e.channel]
     if limits:

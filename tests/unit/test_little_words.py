@@ -61,7 +61,7 @@ def test_terminal_and_report_promise_the_fault_of_the_claim_or_none(name, monkey
     if sure:
         assert "surely detected: from 0.01574 on, within 1 sample while the mode stays" in page
         tile = "smallest surely detected sensor fault, within 1 sample (50\u202fms) while the mode stays"
-        assert size == "0.01575 or more" and tiles[tile] == "0.01575"
+        assert size == "0.01575" and tiles[tile] == "0.01575"
     else:
         assert "surely detected: not at any size" in page and size == "no size is promised"
         assert tiles == {"sensor: no fault surely detected": "none"}
