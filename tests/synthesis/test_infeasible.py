@@ -102,7 +102,8 @@ CASES = {
         GOOD, "interval", {"lamda": 0.5},
         "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, lambda, contraction, "
         "sampling, interpolation, design, decay, metzler, coordinates, gain_cap, evaluations, within, gains, modes, "
-        "ages, horizon, restart, gain_limit, weight, slope, blank, window, share). Did you mean \"lambda\"?"),
+        "ages, horizon, restart, found_within, gain_limit, weight, slope, blank, window, share). "
+        'Did you mean "lambda"?'),
     "option of calibrated thresholds": (
         GOOD, "hinf-filter", {"rank": 2},
         'base: observer.rank is given, which threshold = "calibrated" alone reads. Remove it, or let the thresholds be '
