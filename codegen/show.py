@@ -277,8 +277,9 @@ def compared(p: Plant, found) -> None:
     if made:
         out.print(rows)
         out.print("width: guaranteed, states in units of their ranges, summed; faults: smallest step surely detected, "
-                  "- where none is proved; mode lasts: samples, for the guarantee; multiply-adds: of the dearest call; "
-                  "instructions: of the dearest ordinary step, Cortex-M4F in QEMU; flash, RAM, stack: bytes, "
+                  "- where none is proved, whatever the modes do; mode lasts: samples, for the "
+                  "guarantee; multiply-adds: of the dearest call; instructions: of the dearest "
+                  "ordinary step, Cortex-M4F in QEMU; flash, RAM, stack: bytes, "
                   f"{', '.join(sorted({c.chip for c in made}))} at -Os")
     groups: dict[str, list[str]] = {}
     for c in found:
@@ -291,6 +292,7 @@ def compared(p: Plant, found) -> None:
 def methods(entries) -> None:
     """Print METHODS."""
     rows = table("methods", "method", "what", "plants", "source")
+    rows.columns[0].no_wrap = True
     for name, m in entries.items():
         rows.add_row(name, m.summary, ", ".join(m.kinds), m.reference)
     out.print(rows)
@@ -299,6 +301,7 @@ def methods(entries) -> None:
 def gallery(plants: list[Plant]) -> None:
     """Print the gallery."""
     rows = table("gallery", "plant", "what", "modes", "states", "source")
+    rows.columns[0].no_wrap = True
     for p in plants:
         rows.add_row(p.name, p.title, str(p.n_modes) if p.polytope is None else _count(p), str(p.n_x), p.source)
     out.print(rows)

@@ -292,5 +292,5 @@ def refuse(S: Array, names, i: int | None, j: int, words: str) -> None:
     where = f'with the observer at "{names[j]}"' + ("" if i is None else f' and the plant at "{names[i]}"')
     largest = np.linalg.eigvalsh(np.array([[float(x) for x in row] for row in S]))[-1]
     raise CertificateError(f"certificate: {words} {where} (leading minor {bad + 1} of {len(S)}, largest eigenvalue "
-                           f"{largest:.3g}, expected below 0) on the rounded constants. Try float64, a larger level or "
-                           "a slower decay.")
+                           f"{largest:.3g}, expected below 0) on the rounded constants. Try closer bounds of what "
+                           "varies, units in which the matrices are about 1 (time too), a slower decay or float64.")

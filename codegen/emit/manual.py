@@ -77,17 +77,29 @@ def assumed(design, tables, monitors_dwell: bool) -> tuple[str, ...]:
         ", with one of its modes active at any instant" if plant.kind == "continuous" else
         ", with one of its modes active from each sample to the next")
     items = [f"The plant is the one of the plant file{given if plant.modes else ''}.",
-             f"Every sample period ({period}) there is exactly one call of step or predict.",
+             f"Every sample period ({period}) there is exactly one call of step or predict. What is measured is of "
+             "that instant: jitter is not covered.",
              "At the call of init the state is in its initial box; at all times it is in its range. The range "
              + ("cuts the bounds in every call." if tables.clamp else
                 "is used by predict, by reset, and for the restart after a fault." if plant.switching.known else
                 "is where the boxes start again after a fault.")]
     items += _bounds(plant, "disturbance", plant.w, "w") + _bounds(plant, "measurement noise", plant.v, "v")
     items += _parameters(plant) + _sampling(plant)
+    if plant.n_modes > 1 and not plant.switching.known:
+        items.append(_apart(plant, tables))
     if monitors_dwell:
         items.append("The mode switches slowly enough on average. This is watched: see assured and the bucket.")
     items.append("Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.")
     return tuple(line for item in items for line in paragraph(item, "- "))
+
+
+def _apart(plant, tables) -> str:
+    """State how far apart switches have to be where nobody tells the mode."""
+    declared, ages = f"{plant.switching.average_dwell:g} s", getattr(tables, "ages", None)
+    if ages is None:
+        return f"Switches are at least {declared} apart, as far as alarms go. Nothing watches that."
+    return (f"Switches are at least {ages + 1} samples ({(ages + 1) * plant.sample_period:.4g} s) apart, for all that "
+            f"is said of bounds and alarms, and {declared} for the delays. Nothing watches that.")
 
 
 def _parameters(plant) -> list[str]:
@@ -189,12 +201,14 @@ AFTER = {
              "again by itself."}
 
 
-def alarm(s, prefix: str, noun: str) -> tuple[str, ...]:
+def alarm(s, prefix: str, noun: str, finds_mode: bool = False) -> tuple[str, ...]:
     """Tell the way from a violated bound to an alarm, and back; ``noun`` is what a fault spoils."""
     m, n = s.debounce
-    far = "" if noun == FILTERS else f", or after {max(s.recover, 1)} samples outside in a row"
-    rule = ("every sample outside its bounds is an alarm" if n == 1 else
-            f"an alarm is {m} samples outside their bounds among the last {n} measured ones")
+    one, several, within, outside = ("outside its bounds", "outside their bounds", "within bounds", "outside") if (
+        not finds_mode) else (*["at which no mode is possible"] * 2, "at which a mode is possible again", "without one")
+    far = "" if noun == FILTERS else f", or after {max(s.recover, 1)} samples {outside} in a row"
+    rule = (f"every sample {one} is an alarm" if n == 1 else
+            f"an alarm is {m} samples {several} among the last {n} measured ones")
     keep = (f"Once raised, a bit stays in out->latched until {prefix}_reset." if s.latch else
             "out->latched repeats out->alarm, and keeps it over predict.")
     if noun == PAIRS:
@@ -204,12 +218,12 @@ def alarm(s, prefix: str, noun: str) -> tuple[str, ...]:
     if noun == ESTIMATED:
         return paragraph(f"Debounce: {rule}. {keep} {AFTER[noun]}")
     after = AFTER.get(noun, f"{noun.capitalize()} that have met a fault are worthless: they restart from the declared "
-                            f"ranges at the first sample within bounds{far}.")
+                            f"ranges at the first sample {within}{far}.")
     text = (f"Debounce: {rule}. {keep} {after} "
             + ("assured is never set: the thresholds are calibrated." if not s.assures else
                f"assured returns after {prefix}_reset only: a fault that goes on may be absorbed by the "
                f"{'estimate' if noun == THRESHOLDS else f'restarted {noun}'}." if s.latch else
-               f"assured returns after {s.hold} samples within bounds, on the assumption that the fault is over by "
+               f"assured returns after {s.hold} samples {within}, on the assumption that the fault is over by "
                "then."))
     return paragraph(text)
 

@@ -62,8 +62,9 @@ def parts(family: str, t, s, names: Names, signals: tuple, layout: str) -> Parts
     m, count = names.macro, len(t.Phi) * (t.ages + 1) * len(t.limit)
     numbers: list[Member] = [
         (names.real_type, f"box_{side}", f"[{m}_NSHAPE]", note) for side, note in (
-            ("lo", (f"lower ends of the boxes of S x, {m}_NX numbers per hypothesis, {m}_AGES hypotheses per mode, the",
-                    "youngest first")), ("hi", ("upper ends",)))]
+            ("lo", ("lower ends of the boxes of S x, the state in the coordinates of the design, outputs C x first;",
+                    f"{m}_NX numbers per hypothesis, {m}_AGES hypotheses per mode, the youngest first")),
+            ("hi", ("upper ends",)))]
     numbers.append(("uint32_t", "alive", f"[{m}_MODES]", ("bit a: the mode is possible since a samples",)))
     words: list[Word] = [("decided", "0U", "mode of the last answer")]
     state = state_layout(names, s, 1, numbers, 2 * count, [], words, extra=len(t.Phi))

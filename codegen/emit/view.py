@@ -200,7 +200,8 @@ def build(design, real: str | None = None, layout: str | None = None, version: s
     fields = own.state
     text = Manual(manual.banner(design, target.prefix, real, layout, version), manual.about(plant),
                   manual.proved(design, real), manual.assumed(design, t, s.monitors_dwell),
-                  manual.alarm(s, target.prefix, own.noun), manual.dwell(s), _resources(fields.size, own.operations))
+                  manual.alarm(s, target.prefix, own.noun, any(b.macro == "NO_MODE" for b in bits)), manual.dwell(s),
+                  _resources(fields.size, own.operations))
     quiet = [*["(s->hold == 0U)"] * s.counts_hold, *["(s->latched == 0U)"] * s.latch,
              *["(s->too_fast == 0U)"] * s.monitors_dwell]
     modes = tuple(Channel(i, macro, name, "") for i, (macro, name) in enumerate(zip(names.mode_macros, names.modes)))
@@ -259,7 +260,7 @@ def _last_items(names: Names, parameters: bool) -> tuple[str, ...]:
     if not parameters:
         return (f"{names.macro}_BAD_OUTPUT = 3",)
     return (f"{names.macro}_BAD_OUTPUT = 3,",
-            f"/* A parameter is NaN or beyond its bounds in this mode: call {names.prefix}_reset. */",
+            f"/* A parameter is NaN or beyond its bounds (of its mode, if these differ): call {names.prefix}_reset. */",
             f"{names.macro}_BAD_PARAMETER = 4")
 
 
@@ -309,6 +310,7 @@ def _parameter_check(names: Names, lo: Array, hi: Array) -> RangeCheck:
     """Accept the parameters within the bounds of the mode in in->mode."""
     what, name = "The parameters are numbers within their bounds in this mode.", f"{names.prefix}_theta_accepted"
     if np.all(lo == lo[0]) and np.all(hi == hi[0]):
+        what = "The parameters are numbers within their bounds."
         lines = tuple(f"(in->theta[{j}] >= {literal(a, names.real)}) && (in->theta[{j}] <= {literal(b, names.real)})"
                       for j, (a, b) in enumerate(zip(lo[0], hi[0])))
         return RangeCheck(name, "theta", what, (lines,), (), (), ())

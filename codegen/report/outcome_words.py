@@ -127,9 +127,10 @@ def _leaves_no_mode(design, real: str, outcome: Outcome, e: Episode) -> tuple[in
         return None, "no size is promised"
     cert, channels = design.certificate[real], tuple(f.name for f in design.plant.f)
     inside = within_range(design.plant, outcome.truth)
-    for k, sure in due(design.plant.kind, channels, cert, outcome.truth, outcome.trace, outcome.settled, inside):
-        if k == e.start and sure["channel"] == e.channel:
-            return sure["within"], ""
+    sure = due(design.plant.kind, channels, cert, outcome.truth, outcome.trace, outcome.settled, inside)
+    limits = [own["within"] for k, own in sure if k == e.start and own["channel"] == e.channel]
+    if limits:
+        return min(limits), ""
     if abs(outcome.truth.f[e.start, channels.index(e.channel)]) < size:
         return None, "below the threshold"
     return None, "no step, a switch or an alarm too near, or a sample is missing"

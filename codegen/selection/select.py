@@ -52,7 +52,10 @@ def first_certified(plant: Plant, names: list[str], options: dict, progress: Cal
         except (DesignError, CertificateError) as error:
             progress(f"{name}: {error}")
             failures.append(error)
-    raise failures[0]
+    first = failures[0]
+    others = [name for name, m in METHODS.items() if name not in names and m.module.inapplicable(plant) is None]
+    advice = f" Or name another method that applies: {', '.join(others)}." if others else ""
+    raise type(first)(f"{first} (Tried: {', '.join(names)}.){advice}")
 
 
 def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[str], None]) -> Design:

@@ -42,7 +42,8 @@
  * WHAT IS ASSUMED
  *
  * - The plant is the one of the plant file.
- * - Every sample period (0.01 s) there is exactly one call of step or predict.
+ * - Every sample period (0.01 s) there is exactly one call of step or predict. What is measured is of that
+ *   instant: jitter is not covered.
  * - At the call of init the state is in its initial box; at all times it is in its range. The range is used
  *   by predict, by reset, and for the restart after a fault.
  * - The inputs are held from sample to sample. Disturbances and parameters may move between samples too:
@@ -57,6 +58,9 @@
  *     every sample period, from a task or a timer interrupt:
  *         fill in: the measurements of this sample, the input that acts from now on
  *         status = disc_step(&observer, &in, &out);
+ *         if (status == DISC_BAD_OUTPUT) status = disc_predict(&observer, &in, &out);
+ *         if (status != DISC_OK) disc_reset(&observer);    there is no answer: start anew
+ *         else act on out.latched, and on the rest as far as out.assured allows
  *
  * The calls wait for nothing, allocate nothing, and write only through their arguments. Their run time is
  * bounded. Different states may be used from different contexts at once; one state from one context only.

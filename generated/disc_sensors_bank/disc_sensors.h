@@ -59,7 +59,8 @@
  * WHAT IS ASSUMED
  *
  * - The plant is the one of the plant file.
- * - Every sample period (0.01 s) there is exactly one call of step or predict.
+ * - Every sample period (0.01 s) there is exactly one call of step or predict. What is measured is of that
+ *   instant: jitter is not covered.
  * - At the call of init the state is in its initial box; at all times it is in its range. The range is used
  *   by predict, by reset, and for the restart after a fault.
  * - The measurement noise v[0] (noise 1) is in [-0.02, 0.02].
@@ -77,6 +78,9 @@
  *     every sample period, from a task or a timer interrupt:
  *         fill in: the measurements of this sample, the input that acts from now on
  *         status = disc_sensors_step(&observer, &in, &out);
+ *         if (status == DISC_SENSORS_BAD_OUTPUT) status = disc_sensors_predict(&observer, &in, &out);
+ *         if (status != DISC_SENSORS_OK) disc_sensors_reset(&observer);    there is no answer: start anew
+ *         else act on out.latched, and on the rest as far as out.assured allows
  *
  * The calls wait for nothing, allocate nothing, and write only through their arguments. Their run time is
  * bounded. Different states may be used from different contexts at once; one state from one context only.

@@ -48,11 +48,14 @@
  * WHAT IS ASSUMED
  *
  * - The plant is the one of the plant file, with one of its modes active from each sample to the next.
- * - Every sample period (0.1 s) there is exactly one call of step or predict.
+ * - Every sample period (0.1 s) there is exactly one call of step or predict. What is measured is of that
+ *   instant: jitter is not covered.
  * - At the call of init the state is in its initial box; at all times it is in its range. The range is
  *   where the boxes start again after a fault.
  * - The disturbance w[0] (gust) is in [-0.005, 0.005].
  * - The measurement noise v[0] (noise) is in [-0.02, 0.02].
+ * - Switches are at least 4 samples (0.4 s) apart, for all that is said of bounds and alarms, and 1 s for
+ *   the delays. Nothing watches that.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT
@@ -63,16 +66,20 @@
  *     every sample period, from a task or a timer interrupt:
  *         fill in: the measurements of this sample, the input that acts from now on
  *         status = fan_step(&observer, &in, &out);
+ *         if (status == FAN_BAD_OUTPUT) status = fan_predict(&observer, &in, &out);
+ *         if (status != FAN_OK) fan_reset(&observer);    there is no answer: start anew
+ *         else act on out.latched, and on the rest as far as out.assured allows
  *
  * The calls wait for nothing, allocate nothing, and write only through their arguments. Their run time is
  * bounded. Different states may be used from different contexts at once; one state from one context only.
  *
  * ALARMS
  *
- * Debounce: every sample outside its bounds is an alarm. Once raised, a bit stays in out->latched until
- * fan_reset. Boxes and estimate that have met a fault are worthless: they restart from the declared ranges
- * at the first sample within bounds, or after 50 samples outside in a row. assured returns after fan_reset
- * only: a fault that goes on may be absorbed by the restarted boxes and estimate.
+ * Debounce: every sample at which no mode is possible is an alarm. Once raised, a bit stays in out->latched
+ * until fan_reset. Boxes and estimate that have met a fault are worthless: they restart from the declared
+ * ranges at the first sample at which a mode is possible again, or after 50 samples without one in a row.
+ * assured returns after fan_reset only: a fault that goes on may be absorbed by the restarted boxes and
+ * estimate.
  *
  * COMPILER
  *
@@ -183,8 +190,8 @@ typedef struct {
  * functions below write to it. Set by fan_init or fan_reset before its first use.
  */
 typedef struct {
-    /* lower ends of the boxes of S x, FAN_NX numbers per hypothesis, FAN_AGES hypotheses per mode, the */
-    /* youngest first */
+    /* lower ends of the boxes of S x, the state in the coordinates of the design, outputs C x first; */
+    /* FAN_NX numbers per hypothesis, FAN_AGES hypotheses per mode, the youngest first */
     fan_real box_lo[FAN_NSHAPE];
     /* upper ends */
     fan_real box_hi[FAN_NSHAPE];

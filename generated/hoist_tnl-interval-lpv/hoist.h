@@ -36,7 +36,8 @@
  *
  * - The plant is the one of the plant file, and in->mode is its mode from this sample to the next or still
  *   that of the step before; every mode is told for a sample at least.
- * - Every sample period (0.000125 s) there is exactly one call of step or predict.
+ * - Every sample period (0.000125 s) there is exactly one call of step or predict. What is measured is of
+ *   that instant: jitter is not covered.
  * - At the call of init the state is in its initial box; at all times it is in its range. The range cuts
  *   the bounds in every call.
  * - The disturbance w[0] (pull) is in [-0.012, 0.019] N m in mode "empty", [0.043, 0.11] N m in mode
@@ -56,6 +57,9 @@
  *     every sample period, from a task or a timer interrupt:
  *         fill in: the measurements of this sample, the input and mode that act from now on
  *         status = hoist_step(&observer, &in, &out);
+ *         if (status == HOIST_BAD_OUTPUT) status = hoist_predict(&observer, &in, &out);
+ *         if (status != HOIST_OK) hoist_reset(&observer);    there is no answer: start anew
+ *         else act on out.latched, and on the rest as far as out.assured allows
  *
  * The calls wait for nothing, allocate nothing, and write only through their arguments. Their run time is
  * bounded. Different states may be used from different contexts at once; one state from one context only.

@@ -60,7 +60,7 @@ static bool motor_y_accepted(const motor_in *in)
 }
 
 /*
- * The parameters are numbers within their bounds in this mode. NaN fails every comparison.
+ * The parameters are numbers within their bounds. NaN fails every comparison.
  */
 static bool motor_theta_accepted(const motor_in *in)
 {

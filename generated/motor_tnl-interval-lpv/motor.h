@@ -35,7 +35,8 @@
  * WHAT IS ASSUMED
  *
  * - The plant is the one of the plant file, and in->mode is its true mode from this sample to the next.
- * - Every sample period (5e-05 s) there is exactly one call of step or predict.
+ * - Every sample period (5e-05 s) there is exactly one call of step or predict. What is measured is of that
+ *   instant: jitter is not covered.
  * - At the call of init the state is in its initial box; at all times it is in its range. The range cuts
  *   the bounds in every call.
  * - The disturbance w[0] (load) is in [-0.002, 0.002] N m.
@@ -55,7 +56,11 @@
  *
  *     every sample period, from a task or a timer interrupt:
  *         fill in: the measurements of this sample, the input and mode that act from now on
+ *             and the parameters as measured at this sample
  *         status = motor_step(&observer, &in, &out);
+ *         if (status == MOTOR_BAD_OUTPUT) status = motor_predict(&observer, &in, &out);
+ *         if (status != MOTOR_OK) motor_reset(&observer);    there is no answer: start anew
+ *         else act on out.latched, and on the rest as far as out.assured allows
  *
  * The calls wait for nothing, allocate nothing, and write only through their arguments. Their run time is
  * bounded. Different states may be used from different contexts at once; one state from one context only.
@@ -131,7 +136,7 @@ typedef enum {
     /* A measurement is NaN or beyond its range: call motor_predict with the same *in for this
      * sample, otherwise the observer is one sample late. */
     MOTOR_BAD_OUTPUT = 3,
-    /* A parameter is NaN or beyond its bounds in this mode: call motor_reset. */
+    /* A parameter is NaN or beyond its bounds (of its mode, if these differ): call motor_reset. */
     MOTOR_BAD_PARAMETER = 4
 } motor_status;
 

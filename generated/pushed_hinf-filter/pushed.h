@@ -56,11 +56,14 @@
  * WHAT IS ASSUMED
  *
  * - The plant is the one of the plant file, with one of its modes active from each sample to the next.
- * - Every sample period (0.1 s) there is exactly one call of step or predict.
+ * - Every sample period (0.1 s) there is exactly one call of step or predict. What is measured is of that
+ *   instant: jitter is not covered.
  * - At the call of init the state is in its initial box; at all times it is in its range. The range is
  *   where the boxes start again after a fault.
  * - The disturbance w[0] (gust) is in [-0.01, 0.01].
  * - The measurement noise v[0] (noise) is in [-0.01, 0.01].
+ * - Switches are at least 6 samples (0.6 s) apart, for all that is said of bounds and alarms, and 1 s for
+ *   the delays. Nothing watches that.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT
@@ -71,16 +74,19 @@
  *     every sample period, from a task or a timer interrupt:
  *         fill in: the measurements of this sample, the input that acts from now on
  *         status = pushed_step(&observer, &in, &out);
+ *         if (status == PUSHED_BAD_OUTPUT) status = pushed_predict(&observer, &in, &out);
+ *         if (status != PUSHED_OK) pushed_reset(&observer);    there is no answer: start anew
+ *         else act on out.latched, and on the rest as far as out.assured allows
  *
  * The calls wait for nothing, allocate nothing, and write only through their arguments. Their run time is
  * bounded. Different states may be used from different contexts at once; one state from one context only.
  *
  * ALARMS
  *
- * Debounce: every sample outside its bounds is an alarm. Once raised, a bit stays in out->latched until
- * pushed_reset. Boxes that have met a fault are worthless: they restart from the declared ranges at the
- * first sample within bounds, or after 50 samples outside in a row. assured returns after pushed_reset
- * only: a fault that goes on may be absorbed by the restarted boxes.
+ * Debounce: every sample at which no mode is possible is an alarm. Once raised, a bit stays in out->latched
+ * until pushed_reset. Boxes that have met a fault are worthless: they restart from the declared ranges at
+ * the first sample at which a mode is possible again, or after 50 samples without one in a row. assured
+ * returns after pushed_reset only: a fault that goes on may be absorbed by the restarted boxes.
  *
  * COMPILER
  *
@@ -203,8 +209,8 @@ typedef struct {
  * functions below write to it. Set by pushed_init or pushed_reset before its first use.
  */
 typedef struct {
-    /* lower ends of the boxes of S x, PUSHED_NX numbers per hypothesis, PUSHED_AGES hypotheses per mode, the */
-    /* youngest first */
+    /* lower ends of the boxes of S x, the state in the coordinates of the design, outputs C x first; */
+    /* PUSHED_NX numbers per hypothesis, PUSHED_AGES hypotheses per mode, the youngest first */
     pushed_real box_lo[PUSHED_NSHAPE];
     /* upper ends */
     pushed_real box_hi[PUSHED_NSHAPE];

@@ -67,7 +67,7 @@ static bool valve_y_accepted(const valve_in *in)
 }
 
 /*
- * The parameters are numbers within their bounds in this mode. NaN fails every comparison.
+ * The parameters are numbers within their bounds. NaN fails every comparison.
  */
 static bool valve_theta_accepted(const valve_in *in)
 {

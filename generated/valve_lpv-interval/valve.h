@@ -47,7 +47,8 @@
  * WHAT IS ASSUMED
  *
  * - The plant is the one of the plant file, with one of its modes active at any instant.
- * - Every sample period (0.05 s) there is exactly one call of step or predict.
+ * - Every sample period (0.05 s) there is exactly one call of step or predict. What is measured is of that
+ *   instant: jitter is not covered.
  * - At the call of init the state is in its initial box; at all times it is in its range. The range cuts
  *   the bounds in every call.
  * - The disturbance w[0] (leak) is in [-0.002, 0.004].
@@ -56,6 +57,8 @@
  *   0.005.
  * - The inputs are held from sample to sample. The mode changes at any instant. Disturbances and parameters
  *   may move between samples too: the bounds hold at the samples whatever they do there.
+ * - Switches are at least 4 samples (0.2 s) apart, for all that is said of bounds and alarms, and 1 s for
+ *   the delays. Nothing watches that.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT
@@ -65,17 +68,21 @@
  *
  *     every sample period, from a task or a timer interrupt:
  *         fill in: the measurements of this sample, the input that acts from now on
+ *             and the parameters as measured at this sample
  *         status = valve_step(&observer, &in, &out);
+ *         if (status == VALVE_BAD_OUTPUT) status = valve_predict(&observer, &in, &out);
+ *         if (status != VALVE_OK) valve_reset(&observer);    there is no answer: start anew
+ *         else act on out.latched, and on the rest as far as out.assured allows
  *
  * The calls wait for nothing, allocate nothing, and write only through their arguments. Their run time is
  * bounded. Different states may be used from different contexts at once; one state from one context only.
  *
  * ALARMS
  *
- * Debounce: every sample outside its bounds is an alarm. Once raised, a bit stays in out->latched until
- * valve_reset. Bounds that have met a fault are worthless: they restart from the declared ranges at the
- * first sample within bounds, or after 50 samples outside in a row. assured returns after valve_reset only:
- * a fault that goes on may be absorbed by the restarted bounds.
+ * Debounce: every sample at which no mode is possible is an alarm. Once raised, a bit stays in out->latched
+ * until valve_reset. Bounds that have met a fault are worthless: they restart from the declared ranges at
+ * the first sample at which a mode is possible again, or after 50 samples without one in a row. assured
+ * returns after valve_reset only: a fault that goes on may be absorbed by the restarted bounds.
  *
  * COMPILER
  *
@@ -144,7 +151,7 @@ typedef enum {
     /* A measurement is NaN or beyond its range: call valve_predict with the same *in for this
      * sample, otherwise the observer is one sample late. */
     VALVE_BAD_OUTPUT = 3,
-    /* A parameter is NaN or beyond its bounds in this mode: call valve_reset. */
+    /* A parameter is NaN or beyond its bounds (of its mode, if these differ): call valve_reset. */
     VALVE_BAD_PARAMETER = 4
 } valve_status;
 
@@ -192,8 +199,8 @@ typedef struct {
  * functions below write to it. Set by valve_init or valve_reset before its first use.
  */
 typedef struct {
-    /* lower ends of the boxes of S x, VALVE_NX numbers per hypothesis, VALVE_AGES hypotheses per mode, the */
-    /* youngest first */
+    /* lower ends of the boxes of S x, the state in the coordinates of the design, outputs C x first; */
+    /* VALVE_NX numbers per hypothesis, VALVE_AGES hypotheses per mode, the youngest first */
     valve_real box_lo[VALVE_NSHAPE];
     /* upper ends */
     valve_real box_hi[VALVE_NSHAPE];

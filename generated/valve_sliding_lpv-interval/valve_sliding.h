@@ -44,7 +44,8 @@
  * WHAT IS ASSUMED
  *
  * - The plant is the one of the plant file, with one of its modes active at any instant.
- * - Every sample period (0.05 s) there is exactly one call of step or predict.
+ * - Every sample period (0.05 s) there is exactly one call of step or predict. What is measured is of that
+ *   instant: jitter is not covered.
  * - At the call of init the state is in its initial box; at all times it is in its range. The range cuts
  *   the bounds in every call.
  * - The disturbance w[0] (leak) is in [-0.002, 0.004].
@@ -53,6 +54,7 @@
  *   0.005.
  * - The inputs are held from sample to sample. The mode changes at any instant. Disturbances and parameters
  *   may move between samples too: the bounds hold at the samples whatever they do there.
+ * - Switches are at least 1 s apart, as far as alarms go. Nothing watches that.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT
@@ -62,7 +64,11 @@
  *
  *     every sample period, from a task or a timer interrupt:
  *         fill in: the measurements of this sample, the input that acts from now on
+ *             and the parameters as measured at this sample
  *         status = valve_sliding_step(&observer, &in, &out);
+ *         if (status == VALVE_SLIDING_BAD_OUTPUT) status = valve_sliding_predict(&observer, &in, &out);
+ *         if (status != VALVE_SLIDING_OK) valve_sliding_reset(&observer);    there is no answer: start anew
+ *         else act on out.latched, and on the rest as far as out.assured allows
  *
  * The calls wait for nothing, allocate nothing, and write only through their arguments. Their run time is
  * bounded. Different states may be used from different contexts at once; one state from one context only.
@@ -146,7 +152,7 @@ typedef enum {
     /* A measurement is NaN or beyond its range: call valve_sliding_predict with the same *in for this
      * sample, otherwise the observer is one sample late. */
     VALVE_SLIDING_BAD_OUTPUT = 3,
-    /* A parameter is NaN or beyond its bounds in this mode: call valve_sliding_reset. */
+    /* A parameter is NaN or beyond its bounds (of its mode, if these differ): call valve_sliding_reset. */
     VALVE_SLIDING_BAD_PARAMETER = 4
 } valve_sliding_status;
 

@@ -37,7 +37,8 @@
  * WHAT IS ASSUMED
  *
  * - The plant is the one of the plant file, and in->mode is its true mode from this sample to the next.
- * - Every sample period (0.02 s) there is exactly one call of step or predict.
+ * - Every sample period (0.02 s) there is exactly one call of step or predict. What is measured is of that
+ *   instant: jitter is not covered.
  * - At the call of init the state is in its initial box; at all times it is in its range. The range is used
  *   by predict, by reset, and for the restart after a fault.
  * - The disturbance w[0] (wind) is in [-500.0, 500.0] N.
@@ -57,6 +58,9 @@
  *     every sample period, from a task or a timer interrupt:
  *         fill in: the measurements of this sample, the input and mode that act from now on
  *         status = vehicle_step(&observer, &in, &out);
+ *         if (status == VEHICLE_BAD_OUTPUT) status = vehicle_predict(&observer, &in, &out);
+ *         if (status != VEHICLE_OK) vehicle_reset(&observer);    there is no answer: start anew
+ *         else act on out.latched, and on the rest as far as out.assured allows
  *
  * The calls wait for nothing, allocate nothing, and write only through their arguments. Their run time is
  * bounded. Different states may be used from different contexts at once; one state from one context only.

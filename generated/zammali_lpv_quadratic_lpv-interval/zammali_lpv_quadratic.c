@@ -61,7 +61,7 @@ static bool zammali_lpv_quadratic_y_accepted(const zammali_lpv_quadratic_in *in)
 }
 
 /*
- * The parameters are numbers within their bounds in this mode. NaN fails every comparison.
+ * The parameters are numbers within their bounds. NaN fails every comparison.
  */
 static bool zammali_lpv_quadratic_theta_accepted(const zammali_lpv_quadratic_in *in)
 {

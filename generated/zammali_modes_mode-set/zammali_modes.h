@@ -43,7 +43,8 @@
  * WHAT IS ASSUMED
  *
  * - The plant is the one of the plant file, with one of its modes active at any instant.
- * - Every sample period (0.005 s) there is exactly one call of step or predict.
+ * - Every sample period (0.005 s) there is exactly one call of step or predict. What is measured is of that
+ *   instant: jitter is not covered.
  * - At the call of init the state is in its initial box; at all times it is in its range. The range is
  *   where the boxes start again after a fault.
  * - The disturbance w[0] (w1) is in [-0.02, 0.02].
@@ -52,6 +53,8 @@
  * - The measurement noise v[0] (v) is in [-0.02, 0.02].
  * - The inputs are held from sample to sample. The mode changes at any instant. Disturbances and parameters
  *   may move between samples too: the bounds hold at the samples whatever they do there.
+ * - Switches are at least 7 samples (0.035 s) apart, for all that is said of bounds and alarms, and 0.15 s
+ *   for the delays. Nothing watches that.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT
@@ -62,16 +65,20 @@
  *     every sample period, from a task or a timer interrupt:
  *         fill in: the measurements of this sample, the input that acts from now on
  *         status = zammali_modes_step(&observer, &in, &out);
+ *         if (status == ZAMMALI_MODES_BAD_OUTPUT) status = zammali_modes_predict(&observer, &in, &out);
+ *         if (status != ZAMMALI_MODES_OK) zammali_modes_reset(&observer);    there is no answer: start anew
+ *         else act on out.latched, and on the rest as far as out.assured allows
  *
  * The calls wait for nothing, allocate nothing, and write only through their arguments. Their run time is
  * bounded. Different states may be used from different contexts at once; one state from one context only.
  *
  * ALARMS
  *
- * Debounce: every sample outside its bounds is an alarm. Once raised, a bit stays in out->latched until
- * zammali_modes_reset. Boxes that have met a fault are worthless: they restart from the declared ranges at
- * the first sample within bounds, or after 50 samples outside in a row. assured returns after
- * zammali_modes_reset only: a fault that goes on may be absorbed by the restarted boxes.
+ * Debounce: every sample at which no mode is possible is an alarm. Once raised, a bit stays in out->latched
+ * until zammali_modes_reset. Boxes that have met a fault are worthless: they restart from the declared
+ * ranges at the first sample at which a mode is possible again, or after 50 samples without one in a row.
+ * assured returns after zammali_modes_reset only: a fault that goes on may be absorbed by the restarted
+ * boxes.
  *
  * COMPILER
  *
@@ -181,8 +188,8 @@ typedef struct {
  * functions below write to it. Set by zammali_modes_init or zammali_modes_reset before its first use.
  */
 typedef struct {
-    /* lower ends of the boxes of S x, ZAMMALI_MODES_NX numbers per hypothesis, ZAMMALI_MODES_AGES hypotheses per mode, the */
-    /* youngest first */
+    /* lower ends of the boxes of S x, the state in the coordinates of the design, outputs C x first; */
+    /* ZAMMALI_MODES_NX numbers per hypothesis, ZAMMALI_MODES_AGES hypotheses per mode, the youngest first */
     zammali_modes_real box_lo[ZAMMALI_MODES_NSHAPE];
     /* upper ends */
     zammali_modes_real box_hi[ZAMMALI_MODES_NSHAPE];

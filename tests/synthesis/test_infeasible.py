@@ -7,10 +7,11 @@ import pytest
 from exact import ExactPlant, feed, in_ranges, inputs, lost, mode_sequence, random_corners
 
 from codegen.certify.freeze import freeze, limits
-from codegen.errors import DesignError
+from codegen.errors import CertificateError, DesignError
 from codegen.observers import FramerTables
 from codegen.plant.load import load, loads
 from codegen.plant.simulate import range_violations, simulate
+from codegen.selection import select
 from codegen.selection.select import choose
 from codegen.synthesis import METHODS
 from codegen.synthesis.problem import Problem
@@ -101,7 +102,8 @@ CASES = {
         GOOD, "interval", {"lamda": 0.5},
         "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, lambda, contraction, "
         "sampling, interpolation, design, decay, metzler, coordinates, gain_cap, evaluations, within, gains, modes, "
-        "ages, horizon, restart, gain_limit, weight, slope, blank, window, share). Did you mean \"lambda\"?"),
+        "ages, horizon, restart, found_within, gain_limit, weight, slope, blank, window, share). "
+        'Did you mean "lambda"?'),
     "option of calibrated thresholds": (
         GOOD, "hinf-filter", {"rank": 2},
         'base: observer.rank is given, which threshold = "calibrated" alone reads. Remove it, or let the thresholds be '
@@ -284,3 +286,16 @@ def test_level_holds_under_admitted_switching(workshop):
         for e in (trace.x_hi - x, x - trace.x_lo):
             share = max(share, np.max(np.linalg.norm(e[60:], axis=1)) / level)
     assert 0.05 < share <= 1
+
+
+def test_where_no_method_certifies_the_others_are_named(monkeypatch):
+    def refused(plant, name, options, progress):
+        raise CertificateError(f"certificate: {name} fails.")
+
+    monkeypatch.setattr(select, "choose", refused)
+    with pytest.raises(CertificateError) as caught:
+        select.first_certified(load("dlpv"), ["descriptor-uncertain", "descriptor-discrete"], {}, str)
+    told = str(caught.value)
+    assert told.startswith("certificate: descriptor-uncertain fails. (Tried: descriptor-uncertain, descriptor-discrete")
+    named = told.split("method that applies: ")[1]
+    assert "descriptor-error" in named and "descriptor-uncertain" not in named and "tnl-interval" not in named
