@@ -14,7 +14,8 @@ from codegen.plant.load import load
 HERE = Path(__file__).parent
 #: What is kept of an output folder; the rest is derived from it.
 KEEP = ("design.json", ".h", ".c", ".g", "resources.json")
-DESIGNS = (("cart", "tnl-interval"), ("digester", "descriptor-fault-estimation"), ("disc", "descriptor-uncertain"),
+DESIGNS = (("blower", "zonotope"), ("cart", "tnl-interval"), ("digester", "descriptor-fault-estimation"),
+           ("disc", "descriptor-uncertain"),
            ("disc_contact", "descriptor-direct"), ("disc_sensors", "bank"), ("emps", "tnl-interval"),
            ("fan", "zonotope"), ("farhat", "hinf-filter"), ("kiln", "zonotope"), ("press", "tnl-interval"),
            ("pushed", "hinf-filter"), ("quadrotor", "tracking"), ("relay", "tnl-interval"),

@@ -22,6 +22,7 @@ from helpers.table_numbers import (
     every_number_of_follower,
     every_number_of_framers,
     every_number_of_guided,
+    every_number_of_guided_point,
     every_number_of_the_family,
     every_number_of_trailing,
 )
@@ -140,6 +141,9 @@ def test_every_number_of_the_tables_is_there(folder, made):
         return
     if family_of(folder) == "guided":
         every_number_of_guided(t, found, [m.name for m in design.plant.modes])
+        return
+    if family_of(folder) == "guided_point":
+        every_number_of_guided_point(t, found, [m.name for m in design.plant.modes])
         return
     if family_of(folder) == "follower":
         every_number_of_follower(t, found, [m.name for m in design.plant.modes])
