@@ -24,6 +24,7 @@ from . import (
     filter_claims,
     follower_claims,
     guided_claims,
+    guided_filter_claims,
     guided_point_claims,
     margins,
     mode_claims,
@@ -44,7 +45,8 @@ MATRICES = ("A", "B", "C", "D", "Bw", "Dv")
 #: Families whose certificate has claims of its own.
 OWN = {"filter": filter_claims, "mode": mode_claims, "driven": driven_claims, "polytopic": polytopic_claims,
        "descriptor": polytopic_claims, "sliding": sliding_claims, "bank": bank_claims, "follower": follower_claims,
-       "guided": guided_claims, "guided_point": guided_point_claims, "trailing": trailing_claims}
+       "guided": guided_claims, "guided_point": guided_point_claims, "guided_filter": guided_filter_claims,
+       "trailing": trailing_claims}
 PLANT = (*MATRICES, "signals.x", "signals.u", "signals.y", "signals.w", "signals.v", "mode.bounds", "constants")
 
 

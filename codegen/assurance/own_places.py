@@ -35,7 +35,7 @@ READ_BY_MAPS = {"M", "G", "L", "K", "Du", "Dy"}
 OF_A_START = ("E", "sizes", "h", "limit", "grow", "floor")
 
 #: Boxes that the C of a family holds as they are in the tables.
-PRINTED = dict.fromkeys(("sliding", "guided", "guided_point"), {"x_lo", "x_hi", "x0_lo", "x0_hi"})
+PRINTED = dict.fromkeys(("sliding", "guided", "guided_point", "guided_filter"), {"x_lo", "x_hi", "x0_lo", "x0_hi"})
 #: A real number that is defined in the C: name and value.
 DEFINED = r"#define (\w+) ((?=[\d.]*[.e])\d[\d.]*(?:e[+-]?\d+)?F?)(?=\s|$)"
 
@@ -48,7 +48,7 @@ def maps(family: str, t, names: Names, d) -> tuple[MapSpec | Varying, ...]:
         return guided_parts.maps(t.told, guided_parts.inner_names(names), d.x, d.y)
     if family == "driven":
         return driven_parts.maps(t.told, names, d.x, d.y)
-    if family == "trailing":
+    if family in ("trailing", "guided_filter"):
         return trailing_parts.maps(t.told, names, next(z.faults for z in d.sets))
     return filter_parts.maps(t, names, next(z.faults for z in d.sets)) if family == "filter" else ()
 
@@ -95,6 +95,8 @@ def read_own(source: Source, design, d, t, read_apart: set[str], found) -> None:
         known = known | ({"widest": t.widest} if t.by_table else {})
     elif design.observer.family == "driven":
         known |= {"frame_limit": t.told.box, "forth": t.S_rounded}  # as the C calls them
+    elif design.observer.family == "guided_filter":
+        known |= {"begun": t.begun, "told_h": t.told.h, "told_limit": t.told.limit}
     elif design.observer.family == "trailing":
         known |= {"x_lo": t.x_lo, "x_hi": t.x_hi} | {f"told_{name}": getattr(t.told, name) for name in OF_A_START}
     seen = set(READ_BY_MAPS) if design.observer.family == "filter" else set()

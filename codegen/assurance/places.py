@@ -79,7 +79,7 @@ def constants(design, real: str, layout: str, text: str, header: str) -> tuple[C
         specs = (point_parts.maps(t, names, d.x, d.y) if points else own_places.maps(family, t, names, d) if whole
                  else _maps(family, t, names, d))
         moved = getattr(t, "told", t)  # tables of the maps
-        part = found.part("told_") if family in ("follower", "guided", "guided_point", "trailing") else found
+        part = found if moved is t or family == "driven" else found.part("told_")
         for spec in specs:
             for q, mode in enumerate(names.modes):
                 if isinstance(spec, Varying):

@@ -12,6 +12,7 @@ from . import filter_claims, mode_claims
 from .driven_claims import shared
 from .margins import Margin
 
+RUN = ("rounding", "validation", "target")
 GAINS = tuple(f"told_{name}" for name in filter_claims.GAINS)
 #: What leaves its bounds where a fault is found, and the constants behind that: none is promised to be found.
 SEEN = ("estimate or output", (*mode_claims.BOXES, "D", "v", *GAINS, "told_h"))
@@ -38,26 +39,14 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
     """
     of_plant = (*plant, *mode_claims.PLANT, "signals.theta")
     held = filter_claims.held(demands(design.plant, t, cert), "in row")
-    run = (*own, "rounding", "validation", "target")
-
-    def claim(id, words, formula, code, found, constants, source=loose_filter, more=mode_claims.DWELL, checks=run):
-        about = source if isinstance(source, str) else (
-            f"own derivation: {(inspect.getdoc(source) or '').splitlines()[0]}")
-        return lambda text: build(id, text, (*of_plant, *more), words, formula, about, code, constants, tuple(found),
-                                  checks)
-
-    yield "energy: ", claim(
-        "energy", "For each mode a quadratic function of plant, weights and filter pays for the error of the estimate, "
-        "at every step in that mode and for every value of what is uncertain.",
-        "g |d|^2 - |z|^2 + V_q(x) - V_q(x+) > sum of s' T s - p' T p + 2 s' G p of what is uncertain, T >= 0, G skew; "
-        "level^2 >= g", "codegen.certify.switched_gain.check_gain", level(design.plant, t, cert), GAINS,
-        "Farhat and Koenig (2016), bounded real inequality, of modes that stay", filter_claims.FAULTS, own)
+    run, claim = (*own, *RUN), claimer(build, (*of_plant, *mode_claims.DWELL))
+    yield energy(build, of_plant, own, level(design.plant, t, cert))
     yield "while no fault acts and out->mode is the true mode", claim(
         "bound", "A filter starts as if it had followed the centre of the bounds over all hypotheses of its mode, or "
         "goes on from anywhere. From each such start on a set |r_i e| <= b_i of plant and filter holds both, a step of "
         "the mode after the other, and each threshold the estimate over all of it.", f"{STAYS}; |r e| <= |r_x + r_s E| "
         "|c| + |r_x| |d| + |r_s| (rounding of E c) at a start, d below one of the sizes",
-        "codegen.certify.loose_filter.demands", [*held["kept"], *held["threshold"]], (*GAINS, "told_h", *STARTS))
+        "codegen.certify.loose_filter.demands", [*held["kept"], *held["threshold"]], (*GAINS, "told_h", *STARTS), run)
     yield "a mode whose filter estimates more", claim(
         "ruled-out", "An estimate beyond its threshold is none of a mode that was active all through the period: only "
         "(q, 0), from which a filter starts anew or goes on from anywhere, is left. Half widths hold those of the "
@@ -66,12 +55,37 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
         "grow (1 - u)^3 >= 1, floor beyond subnormal numbers, sizes[0] >= half of the declared range; b_i < limit_i of "
         "the rows of xi", "codegen.certify.loose_filter.start_rooms", [
             *held["start"], *shared(t, "filters"), *held["limit"]], (*STARTS, "told_h", "told_limit"),
-        checks=(*run, "prove"))
-    yield "in a mode that lasts f_bound", claim(
-        "settled", "The last row of each start holds for ever: its set is not left.",
-        "h[last] >= the bound of the estimate over the set", "codegen.certify.loose_filter.tabled", held["last"],
-        ("told_h",))
+        (*run, "prove"))
+    yield settled(claim, held["last"], run)
     yield from mode_claims.of_certificate(design, t, cert, build, of_plant, own)
+
+
+def claimer(build: type, plant: tuple) -> Callable:
+    """What makes the claims of filters that start at run time, from these entries of the plant file."""
+    derived = f"own derivation: {(inspect.getdoc(loose_filter) or '').splitlines()[0]}"
+
+    def claim(id, words, formula, code, found, constants, checks, source=derived):
+        return lambda text: build(id, text, plant, words, formula, source, code, constants, tuple(found), checks)
+
+    return claim
+
+
+def energy(build: type, plant: tuple, own: tuple, found: list[Margin]) -> tuple[str, Callable]:
+    """The claim of the level in modes that stay; ``found`` of ``level``."""
+    return "energy: ", claimer(build, (*plant, *filter_claims.FAULTS))(
+        "energy", "For each mode a quadratic function of plant, weights and filter pays for the error of the estimate, "
+        "at every step in that mode and for every value of what is uncertain.",
+        "g |d|^2 - |z|^2 + V_q(x) - V_q(x+) > sum of s' T s - p' T p + 2 s' G p of what is uncertain, T >= 0, G skew; "
+        "level^2 >= g", "codegen.certify.switched_gain.check_gain", found, GAINS, own,
+        "Farhat and Koenig (2016), bounded real inequality, of modes that stay")
+
+
+def settled(claim: Callable, found: list[Margin], checks: tuple) -> tuple[str, Callable]:
+    """The claim of the thresholds in a mode that lasts; ``claim`` of ``claimer``."""
+    return "in a mode that lasts f_bound", claim(
+        "settled", "The last row of each start holds for ever: its set is not left.",
+        "h[last] >= the bound of the estimate over the set", "codegen.certify.loose_filter.tabled", found,
+        ("told_h",), checks)
 
 
 def level(plant, t, cert: dict) -> list[Margin]:

@@ -67,6 +67,10 @@ ABOUT_GUIDED_POINT = (
     "operation rounded and once exact. What they may differ by is the margin: of the estimate what the set of errors",
     "gets, of the pairs what offsets and bounds of the noise hold for the rounding of this sum, while the decision is",
     "right. All layouts calculate these sums: a")
+ABOUT_GUIDED_FILTER = (
+    "operation rounded and once exact. What they may differ by is the margin: of filters what thresholds hold, of the",
+    "pairs what offsets and bounds of the noise hold for the rounding of this sum, while the decision is right. All",
+    "layouts calculate these sums: a")
 OWN = r"\bm_(?=\d)"  # max(-x_lo, x_hi) of framers; boxes have one, too
 LAST = "Last in a residual the measurement is subtracted: that keeps the sign, which is what an alarm looks at."
 LAST_POINTS = "A comparison with a bound looks at the sign of a difference, which rounding keeps."
@@ -153,6 +157,8 @@ def rounding(design, d: DesignView) -> RoundingView:
             return _of_guided(design.plant, t, names, d)
         if d.family == "guided_point":
             return _of_guided_point(design.plant, t, names, d)
+        if d.family == "guided_filter":
+            return _of_guided_filter(design.plant, t, names, d)
         if d.family == "follower":
             return _of_follower(design.plant, t, names, d)
         if d.family == "trailing":
@@ -266,6 +272,14 @@ def _of_guided_point(plant, t, names: Names, d: DesignView) -> RoundingView:
     told = _of_points(plant.enclosed.modes, t.told, replace(names, prefix=f"{names.prefix}_told"), d)
     operands = {o.name: o for o in (*told.operands, *pairs.operands)}  # what is accepted, is by both
     return replace(told, operands=tuple(operands.values()), rows=(*pairs.rows, *told.rows), about=ABOUT_GUIDED_POINT)
+
+
+def _of_guided_filter(plant, t, names: Names, d: DesignView) -> RoundingView:
+    """State the sums of the pairs, and of the filter of every mode; where one starts is a table."""
+    pairs = _of_pairs(plant.modes, t, names, d)
+    told = _of_sums(t.told, names, trailing_parts.maps(t.told, names, next(z.faults for z in d.sets)))
+    operands = {o.name: o for o in (*told.operands, *pairs.operands)}  # what is accepted, is by both
+    return replace(told, operands=tuple(operands.values()), rows=(*pairs.rows, *told.rows), about=ABOUT_GUIDED_FILTER)
 
 
 def _of_follower(plant, t, names: Names, d: DesignView) -> RoundingView:

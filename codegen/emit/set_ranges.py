@@ -39,6 +39,9 @@ class Ranges:
 
 
 NONE = Ranges({}, {}, ())
+#: What keeps the state of a filter.
+COMPARED = ("Each number of the filter's state has been compared with its limit when a call ends. From there",
+            "Eva shows that all stays finite.")
 
 
 def of(family: str, t, members: dict[str, str]) -> Ranges:
@@ -129,9 +132,7 @@ def blocks(t, members: dict[str, str]) -> Ranges:
 
 def filtered(t, members: dict[str, str]) -> Ranges:
     """The state of a filter, each number compared with its limit, and the count of the table of thresholds."""
-    return Ranges({"xi": (-t.limit, t.limit)}, {"since": t.last << t.shift},
-                  ("Each number of the filter's state has been compared with its limit when a call ends. From there",
-                   "Eva shows that all stays finite."))
+    return Ranges({"xi": (-t.limit, t.limit)}, {"since": t.last << t.shift}, COMPARED)
 
 
 def modes(t, members: dict[str, str]) -> Ranges:
@@ -178,6 +179,13 @@ def guided_point(t, members: dict[str, str]) -> Ranges:
         ("u", t.u_lo, t.u_hi), ("y", t.y_lo, t.y_hi))}
     return Ranges({f"told_{name}": ends for name, ends in inner.numbers.items()},
                   own.words | {f"told_{name}": most for name, most in inner.words.items()}, inner.about, kept)
+
+
+def guided_filter(t, members: dict[str, str]) -> Ranges:
+    """Pairs alike; the state of the filter, each number compared with its limit; how it started, and since when."""
+    own, told = pairs(t, members), t.told
+    return Ranges({"told_xi": (-told.limit, told.limit)},
+                  own.words | {"told_stage": told.anywhere, "told_since": told.last}, COMPARED, own.kept)
 
 
 def bank(t, members: dict[str, str]) -> Ranges:
@@ -264,4 +272,5 @@ def _origin(t) -> dict:
 RANGES = {"zonotope": zonotope, "ellipsoid": ellipsoid, "thresholds": thresholds, "schedule": schedule,
           "starts": thresholds, "blocks": blocks, "ellipsoid_trace": ellipsoid_trace, "filter": filtered,
           "mode": modes, "driven": driven, "follower": follower, "polytopic": polytopic, "descriptor": polytopic,
-          "sliding": pairs, "guided": guided, "guided_point": guided_point, "bank": bank, "trailing": trailing}
+          "sliding": pairs, "guided": guided, "guided_point": guided_point, "guided_filter": guided_filter,
+          "bank": bank, "trailing": trailing}

@@ -77,7 +77,6 @@ class GuidedFilterObserver(FaultObserver, SlidingObserver):
     family = "guided_filter"
     tables_class = GuidedFilterTables
     trace_class = GuidedFilterTrace
-    stated = False
 
     def bits(self, t: GuidedFilterTables) -> int:
         """Alarm bits: the estimator's, one per fault."""

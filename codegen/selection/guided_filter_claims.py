@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-from ..certify import loose_filter, sliding_claims
+from ..certify import sliding_claims
 from ..certify.claims import check_ranges
 from ..certify.driven_certificate import check_accepted, check_range
-from ..certify.filter_bounds import Demand
 from ..observers import GuidedFilterTables
 from ..plant.bounded import bounded
 from ..plant.model import Plant
 from .filter_designs import check_level, problem_for
-from .trailing_claims import energy, staying
-
-
-def demands(plant: Plant, t: GuidedFilterTables, cert: dict) -> Iterator[Demand]:
-    """The conditions of the thresholds (``loose_filter.demands``)."""
-    return loose_filter.demands(plant.enclosed.observed.modes, t.told, cert["told"]["sets"])
+from .trailing_claims import demands, energy, staying
 
 
 def check(plant: Plant, t: GuidedFilterTables, cert: dict) -> list[str]:

@@ -9,7 +9,7 @@ from ..algebra.automaton import Automaton
 from ..certify import loose_filter, mode_certificate
 from ..certify.filter_bounds import Demand
 from ..errors import CertificateError
-from ..observers import TrailingTables
+from ..observers import GuidedFilterTables, TrailingTables
 from ..plant.bounded import bounded
 from ..plant.model import Plant
 from .filter_designs import check_level, problem_for
@@ -21,7 +21,7 @@ def staying(plant: Plant) -> tuple[Plant, Automaton]:
     return told, Automaton(tuple(range(plant.n_modes)), tuple((q, q) for q in range(plant.n_modes)))
 
 
-def demands(plant: Plant, t: TrailingTables, cert: dict) -> Iterator[Demand]:
+def demands(plant: Plant, t: TrailingTables | GuidedFilterTables, cert: dict) -> Iterator[Demand]:
     """The conditions of the thresholds (``loose_filter.demands``)."""
     return loose_filter.demands(plant.enclosed.observed.modes, t.told, cert["told"]["sets"])
 

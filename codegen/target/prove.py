@@ -35,10 +35,10 @@ PATHS = {"calls": 100_000, "one_step": 100, "one_predict": 100, "refused": 100, 
 #: Where paths of a family are kept apart, and where the range of a number is looked at in parts: a mean reads what it
 #: writes.
 OWN_PATHS = {"bank": {"{}_sound": 200, "{}_bridged": 200}}
-IN_PARTS = dict.fromkeys(("sliding", "guided", "guided_point"), "{}_pair:16")
+IN_PARTS = dict.fromkeys(("sliding", "guided", "guided_point", "guided_filter"), "{}_pair:16")
 
 #: Families without a harness.
-UNPROVED: tuple[str, ...] = ("guided_filter",)
+UNPROVED: tuple[str, ...] = ()
 CALLS, LAW_CALLS = ("init", "step", "predict", "reset"), ("law_init", "track", "coast")
 ASSERTS = ("state_is_in_box", "answer_is_whole", "nothing_is_written", "refused")  # functions of the harness
 

@@ -22,6 +22,7 @@ from helpers.table_numbers import (
     every_number_of_follower,
     every_number_of_framers,
     every_number_of_guided,
+    every_number_of_guided_filter,
     every_number_of_guided_point,
     every_number_of_the_family,
     every_number_of_trailing,
@@ -122,6 +123,12 @@ def test_every_cited_line_holds_its_literal(folder, made):
                 assert re.search(rf"(?<![\w.]){re.escape(e['literal'])}(?![\w.])", text[line - 1]), where
 
 
+#: What looks for every number, of families that have numbers of two observers.
+EVERY_NUMBER = {"driven": every_number_of_driven, "guided": every_number_of_guided,
+                "follower": every_number_of_follower, "trailing": every_number_of_trailing,
+                "guided_point": every_number_of_guided_point, "guided_filter": every_number_of_guided_filter}
+
+
 @names
 def test_every_number_of_the_tables_is_there(folder, made):
     design, data = design_of(folder), read(made(folder))
@@ -136,23 +143,9 @@ def test_every_number_of_the_tables_is_there(folder, made):
     if family_of(folder) == "bank":
         every_number_of_a_bank(t, found)
         return
-    if family_of(folder) == "driven":
-        every_number_of_driven(t, found, [m.name for m in design.plant.modes])
-        return
-    if family_of(folder) == "guided":
-        every_number_of_guided(t, found, [m.name for m in design.plant.modes])
-        return
-    if family_of(folder) == "guided_point":
-        every_number_of_guided_point(t, found, [m.name for m in design.plant.modes])
-        return
-    if family_of(folder) == "follower":
-        every_number_of_follower(t, found, [m.name for m in design.plant.modes])
-        return
-    if family_of(folder) == "trailing":
-        every_number_of_trailing(t, found, [m.name for m in design.plant.modes])
-        return
     if folder in OTHERS:
-        every_number_of_the_family(t, found, [m.name for m in design.plant.modes])
+        of = EVERY_NUMBER.get(family_of(folder), every_number_of_the_family)
+        of(t, found, [m.name for m in design.plant.modes])
         return
     modes = [m.name for m in design.plant.modes]
     gains = "MGLNd" if design.observer.family == "tnl" else "MGLd"

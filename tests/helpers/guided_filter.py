@@ -6,15 +6,22 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+import pytest
 
+import codegen
+from codegen.analysis import sliding_measure
 from codegen.designs import Design
 from codegen.observers import GuidedFilterObserver, GuidedFilterTables, Supervision
+from codegen.plant.load import loads
 from codegen.selection.loose_filters import frozen
 from codegen.synthesis.guided_tables import guided
 
 from . import small_sliding
+from .small_modes import TEXT
 
 ROWS = 10
+#: A plant whose filter is found.
+CHOSEN = TEXT.replace('method = "mode-set"', 'method = "hinf-filter"\nmodes = "sliding"\nset_rows = 12')
 
 
 @lru_cache
@@ -45,3 +52,12 @@ def stand_in(name: str, supervision=None, prefix: str = "", share: float = 1.0) 
     return Design(p, "hinf-filter", GuidedFilterObserver(every, replace(supervision or Supervision(), assures=False)),
                   {real: {"kind": "sliding", "told": {}} for real in every}, {real: ["own words"] for real in every},
                   {real: [] for real in every})
+
+
+@lru_cache
+def designed() -> Design:
+    """The whole way from the plant file on; of what is measured little."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in (("PERIODS", (1.0,)), ("NOISES", (1.0,)), ("RUNS", 2), ("PACES", (1.0,))):
+            patch.setattr(sliding_measure, name, value)
+        return codegen.design(loads(CHOSEN))

@@ -100,13 +100,21 @@ def every_number_of_guided_point(t, found, modes):
         key: v for key, v in found.items() if not key[0].startswith("told_")}, modes)
 
 
-def every_number_of_trailing(t, found, modes):
-    """Those of the filters, each by the name that keeps it apart, and of the estimator."""
+OF_FILTERS = ("M", "G", "L", "K", "Du", "Dy", "h", "limit")
+
+
+def every_number_of_trailing(t, found, modes, own=None, of_a_start=("E", "sizes", "grow", "floor")):
+    """Those of the filters, each by the name that keeps it apart, and of the estimator, which are ``own``."""
     told = {(key[0].removeprefix("told_"), *key[1:]): v for key, v in found.items() if key[0].startswith("told_")}
-    own = ("M", "G", "L", "K", "Du", "Dy", "E", "sizes", "h", "limit", "grow", "floor")
-    every_number_of_the_family(SimpleNamespace(**{k: getattr(t.told, k) for k in own}), told, modes)
-    every_number_of_the_family(SimpleNamespace(**{k: v for k, v in vars(t).items() if k != "told"}), {
+    of_filters = {k: getattr(t.told, k) for k in (*OF_FILTERS, *of_a_start)}
+    every_number_of_the_family(SimpleNamespace(**of_filters), told, modes)
+    every_number_of_the_family(SimpleNamespace(**{k: v for k, v in (own or vars(t)).items() if k != "told"}), {
         key: v for key, v in found.items() if not key[0].startswith("told_")}, modes)
+
+
+def every_number_of_guided_filter(t, found, modes):
+    """The same; where a filter starts is the C's, what that was made of is not."""
+    every_number_of_trailing(t, found, modes, vars(t) | {"begun": t.begun}, ())
 
 
 def every_number_of_a_bank(t, found):

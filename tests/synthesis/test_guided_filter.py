@@ -10,8 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from helpers.guided_filter import made, tables
-from helpers.small_modes import TEXT, exact_course
+from helpers.guided_filter import CHOSEN, designed, made, tables
+from helpers.small_modes import exact_course
 from helpers.small_sliding import plant
 from synthesis.test_independent import CHECKER
 
@@ -75,15 +75,9 @@ def test_other_ways_go_beyond():
 
 # ---------------------------------------------------------------------------------------------- the whole way
 
-CHOSEN = TEXT.replace('method = "mode-set"', 'method = "hinf-filter"\nmodes = "sliding"\nset_rows = 12')
-
-
-@pytest.fixture(scope="module")
-def designed():
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in (("PERIODS", (1.0,)), ("NOISES", (1.0,)), ("RUNS", 2), ("PACES", (1.0,))):
-            patch.setattr(sliding_measure, name, value)
-        return codegen.design(loads(CHOSEN))
+@pytest.fixture(scope="module", name="designed")
+def whole():
+    return designed()
 
 
 def test_a_plant_the_whole_way(designed, tmp_path, monkeypatch):

@@ -34,7 +34,8 @@ def test_committed_designs(folder):
 
 
 @pytest.mark.parametrize("family", ["ellipsoid", "thresholds", "filter", "driven", "descriptor",
-                                    "guided", "guided_point", "bank", "follower", "trailing"])
+                                    "guided", "guided_point", "guided_filter", "bank", "follower",
+                                    "trailing"])
 def test_other_observers(family):
     """The set online and as a table, all other families (polytopic: below; mode estimators: those beside others)."""
     found = run(next(f for f in KEPT if family_of(f) == family), 2000)

@@ -73,7 +73,7 @@ def by_data(quiet, other, faulty, gaps, other_gaps):
 
 
 #: Families of which the data say what is possible, and so what is calculated.
-BY_DATA = ("mode", "driven", "follower", "trailing", "sliding", "guided", "guided_point")
+BY_DATA = ("mode", "driven", "follower", "trailing", "sliding", "guided", "guided_point", "guided_filter")
 
 
 @pytest.mark.parametrize("folder", KEPT, ids=lambda folder: folder.name)

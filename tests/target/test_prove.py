@@ -127,6 +127,7 @@ OTHER_MUTANTS = {  # of a filter, a small mode estimator, driven framers: what o
     "framers of any size": ("guided", r"\(k\[\d+\] \* s->x_lo", "(3e38F * s->x_lo", "is_finite"),
     "framers of nothing": ("guided", r"held\.y\[0\] = s->told_y\[0\];", "", "initialized"),
     "a measurement that was not": ("guided_point", r"(s->told_y\[0\] = )given", r"\1 2.0F * given", "told_y"),
+    "a row that is none": ("guided_filter", r"s->told_since >> \d+U", "s->told_since >> 0U", "row <"),
     "a step that reads what is not held": ("driven", r"held\.y\[i\] = s->y\[i\];", "", "initialized"),
     "a mode that is none answers": ("trailing", r"decided = out->mode;", "decided = PUSHED_MODES;", "valid_read"),
     "a start without end": ("trailing", r"s->told_stage\[q\] = k;", "s->told_stage[q] = k + 2U;", "told_stage"),

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import driven, follower, guided, guided_point, small_sliding, solved, trailing
+from helpers import driven, follower, guided, guided_filter, guided_point, small_sliding, solved, trailing
 from helpers.kept import OTHERS, family_of
 from helpers.small_modes import PLANTS, stand_in
 from target.test_gappa import REALS, evaluate, fraction, script_of
@@ -341,18 +341,41 @@ def test_script_of_filters_beside_an_estimator_is_about_the_sums_of_the_referenc
     names, expected, values, text, prefix = boxes_of(design, real, rng)
     t = design.observer.tables[real]
     told, every = t.told, range(len(t.Phi))
-    xi, x = (rng.uniform(lo, hi).astype(real) for lo, hi in ((-told.limit, told.limit), (told.x_lo, told.x_hi)))
-    u, y = ([[values[f"in_{s}_{j}"] for j in range(len(part))]] for s, part in (("u", t.u_lo), ("y", t.y_lo)))
-    u, y = np.array(u, real).reshape(1, -1), np.array(y, real)
-    values |= {f"{s}_{j}": a for s, row in (("xi", xi), ("centre", x)) for j, a in enumerate(row)}
+    x = rng.uniform(told.x_lo, told.x_hi).astype(real)
+    values |= {f"centre_{j}": a for j, a in enumerate(x)}
+    own, held = filtered(told, values, rng)
+    begun = told.started(*[np.tile(x, (1, len(every), 1))] * 2)[0][0]
+    own |= {f"begun_{i}_mode_{q}": v for (q, i), v in np.ndenumerate(begun)}
+    held |= {f"begun_{i}_mode_{q}": v for (q, i), v in np.ndenumerate(rounded_start(told)[1])}
+    all_are_stated((own, held), expected, names, values, (text, prefix, real))
+
+
+@pytest.mark.parametrize("name, real", [("one input", "float32"), ("parameters", "float64")])
+def test_script_of_guided_filters_is_about_the_sums_of_the_reference(name, real):
+    """Pairs as of an estimator; estimate and step of the filter of every mode. Where it starts is a table."""
+    design, rng = guided_filter.stand_in(name), np.random.default_rng(10)
+    names, expected, values, text, prefix = pairs_of(design, real, rng)
+    told = design.observer.tables[real].told
+    all_are_stated(filtered(told, values, rng), expected, names, values, (text, prefix, real))
+
+
+def filtered(told, values, rng):
+    """Estimates and steps of filters of all modes, and what the thresholds hold for their rounding, by sum."""
+    xi, every = rng.uniform(-told.limit, told.limit).astype(told.real), range(len(told.M))
+    u, y = (np.array([values[f"in_{s}_{j}"] for j in range(len(part))], told.real).reshape(1, -1)
+            for s, part in (("u", told.u_lo), ("y", told.y_lo)))
+    values |= {f"xi_{j}": a for j, a in enumerate(xi)}
     own, held = {}, {}
     for kind, row in (("estimate", told.estimates), ("forward", told.moved)):
         own |= {f"{kind}_{i}_mode_{q}": v for q, part in enumerate(row(np.tile(xi, (1, len(every), 1)), u, y)[0])
                 for i, v in enumerate(part)}
         held |= {f"{kind}_{i}_mode_{q}": v for q in every for i, v in enumerate(rounding_of(told, kind, q))}
-    begun = told.started(*[np.tile(x, (1, len(every), 1))] * 2)[0][0]
-    own |= {f"begun_{i}_mode_{q}": v for (q, i), v in np.ndenumerate(begun)}
-    held |= {f"begun_{i}_mode_{q}": v for (q, i), v in np.ndenumerate(rounded_start(told)[1])}
+    return own, held
+
+
+def all_are_stated(filters, expected, names, values, script):
+    """The script has these sums and no other; what it allows those of filters is no more than their thresholds hold."""
+    (own, held), (text, prefix, real) = filters, script
     merged = {n for n in own if f"{prefix}_{n}" not in names}  # the same sum in the mode before it
     assert all(own[n] == own[n[:-1] + "0"] for n in merged)
     own = {n: v for n, v in own.items() if n not in merged}
