@@ -56,14 +56,15 @@ static inline void plant_guided(T(state) *s, uint32_t (*drawn_below)(uint32_t))
     plant_sample(s, drawn_below);
 }
 #elif CASE_GUIDES_FILTER
-/* A filter of any state, started in any way any time ago. */
+/* A filter of any state, small and large, started in any way any time ago. */
 static inline void plant_guided(T(state) *s, uint32_t (*drawn_below)(uint32_t))
 {
     for (uint32_t i = 0U; i < M(NS); i++)
     {
         s->told_xi[i] = (x_hi[0] - x_lo[0]) * (((T(real))drawn_below(4000U) / 2000) - 1);
+        s->told_xi[i] /= (T(real))(1U << drawn_below(16U));
     }
     s->told_stage = drawn_below(M(STAGES) + 1U);
-    s->told_since = drawn_below(M(LAST) + 2U);
+    s->told_since = (drawn_below(4U) == 0U) ? (M(LAST) + drawn_below(2U)) : drawn_below(M(LAST));
 }
 #endif

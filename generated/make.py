@@ -20,7 +20,7 @@ DESIGNS = (("blower", "zonotope"), ("cart", "tnl-interval"), ("digester", "descr
            ("fan", "zonotope"), ("farhat", "hinf-filter"), ("kiln", "zonotope"), ("press", "tnl-interval"),
            ("pushed", "hinf-filter"), ("quadrotor", "tracking"), ("relay", "tnl-interval"),
            ("valve", "lpv-interval"), ("valve_sliding", "lpv-interval"),
-           ("vehicle", "hinf-filter"),
+           ("vehicle", "hinf-filter"), ("vessel", "hinf-filter"),
            ("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"), ("buck", "tnl-interval-lpv"),
            ("chevet", "tnl-interval-lpv"), ("hoist", "tnl-interval-lpv"), ("lamouchi", "component-interval"),
            ("lamouchi_coordinates", "component-interval"), ("motor", "tnl-interval-lpv"),
