@@ -147,19 +147,21 @@ def _varying(design, real: str) -> str:
 
 def _choice(design) -> tuple[Table, tuple[Folded, ...]]:
     """What was tried, best first."""
-    head = ("method", "design", *(f"#{f.name}" for f in design.plant.f), "#relative width", "#level")
+    sizes = any(x is not None for entry in design.choice for x in entry["surely_detected"])
+    channels = design.plant.f if sizes or design.plant.switching.known else ()  # compared as if the mode were told
+    head = ("method", "design", *(f"#{f.name}" for f in channels), "#relative width", "#level")
     rows: list[Row] = []
     for entry in design.choice:
         faults = [words.quantity(words.at_most(x), f.unit) if x is not None else NEVER
-                  for x, f in zip(entry["surely_detected"], design.plant.f)]
+                  for x, f in zip(entry["surely_detected"], channels)]
         label = entry["design"] + (" (chosen)" if entry["chosen"] else "")
         cells = (entry["method"], label, *faults, words.at_most(entry["relative_width"], 3),
                  words.at_most(entry["level"]))
         kinds = ("", "", *["num"] * (len(cells) - 2))
         rows.append(Row(tuple(Cell(c, k) for c, k in zip(cells, kinds)), "chosen" if entry["chosen"] else ""))
-    notes = ("Columns named after a fault: the smallest step of it that is surely detected. Relative width: guaranteed "
-             "ultimate width of the states, each in units of its declared range, summed. Level: of the criterion that "
-             "gave the design; not to be compared between criteria.",)
+    notes = ("Columns named after a fault: the smallest step of it that is surely detected. " * bool(channels)
+             + "Relative width: guaranteed ultimate width of the states, each in units of its declared range, summed. "
+             "Level: of the criterion that gave the design; not to be compared between criteria.",)
     rest = rows[SHOWN:]
     others = f"{words.count(len(rest), 'other design')} that {'was' if len(rest) == 1 else 'were'} tried"
     folded = (Folded(others, (table("The others, best first", head, rest),)),) if rest else ()
@@ -244,14 +246,15 @@ def _limits(design, point: bool) -> tuple[str, ...]:
 
 def _not_guaranteed(design, real: str) -> tuple[str, ...]:
     debounce, point = design.observer.supervision.debounce, is_point(design, real)
-    items = ["That a fault below the thresholds is found. It may be, or may not.",
+    unproved = is_unproved(design, real)
+    items = [*("That a fault below the thresholds is found. It may be, or may not.",) * (not unproved),
              *(_FILTER_LIMITS if is_filter(design, real) else polytopic_words.LIMITS if is_polytopic(design, real)
                else (*sliding_words.not_guaranteed(design.certificate[real]),
-                     *trailing_words.LIMITS[1:2] * is_guided_filter(design)) if is_unproved(design, real)
+                     *trailing_words.LIMITS[1:2] * is_guided_filter(design)) if unproved
                else bank_words.LIMITS if is_bank(design, real)
                else trailing_words.LIMITS if is_trailing(design, real) else _limits(design, point)),
-             "Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
-             "with the observer settled before it.", *parameter_words.not_guaranteed(
+             *("Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
+               "with the observer settled before it.",) * (not unproved), *parameter_words.not_guaranteed(
                  design.plant, "thresholds" if is_filter(design, real) else "state bounds")]
     if debounce != (1, 1):
         items.append("The delays below for the debounced alarm: they count to the first sample outside its bounds; the "

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..analysis.validate import Episode, Outcome
 from . import words
-from .design_words import NEVER, bounds_states, hides, is_bank, is_filter, is_polytopic, settled_width
+from .design_words import NEVER, bounds_states, hides, is_bank, is_filter, is_polytopic, is_unproved, settled_width
 from .table import Cell, Folded, Table, table, verdict
 
 FEW = 6  # episodes that are shown without a click
@@ -81,6 +81,8 @@ def promise(design, real: str, outcome: Outcome, e: Episode) -> tuple[int | None
         return None, "several faults at once"
     if is_bank(design, real):
         return None, "the thresholds are calibrated"
+    if is_unproved(design, real):
+        return None, "the mode is decided without a guarantee"
     before = e.start - 1
     if is_filter(design, real):
         wide = not np.all(trace.f_bound[e.start] <= design.observer.tables[real].h[-1, outcome.truth.q[e.start]])
