@@ -37,7 +37,7 @@ PARTS = {
     "canonicalise": ((cvxpy.Problem, "get_problem_data"),),
     "solve": ((cvxpy.reductions.solvers.solving_chain.SolvingChain, "solve_via_data"),),
     "search": ((detection, "search"),),
-    "exact": ((select, "certified"), (select, "check")),
+    "exact": ((select, "certified"), (select, "claims_of")),
     "faults": ((select, "surely_detected"),),
 }
 
@@ -180,6 +180,7 @@ def main() -> None:
             r = rows[-1]
             print(f"{r.plant:14} {r.method:14} {r.total:8.2f} s   "
                   + "  ".join(f"{name} {getattr(r, name):.2f}" for name in PARTS) + f"   {r.outcome[:60]}", flush=True)
+    given.out.mkdir(parents=True, exist_ok=True)
     with open(given.out / "synthesis.csv", "w", encoding="ascii", newline="") as file:
         writer = csv.DictWriter(file, [f.name for f in fields(Row)], lineterminator="\n")
         writer.writeheader()

@@ -53,7 +53,9 @@ class Tool(click.Group):
                 raise
             click.echo(f"residua: {error}", err=True)
             ctx.exit(error.exit_code)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, RuntimeError) as error:  # one within an import arrives as the cause of another
+            if not isinstance(error.__cause__ or error, KeyboardInterrupt):
+                raise
             click.echo("residua: interrupted; nothing was written.", err=True)
             ctx.exit(130)
 

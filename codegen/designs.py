@@ -49,7 +49,7 @@ from .selection import (
     filter_designs,
     guided_filter_claims,
     polytopic_designs,
-    tracking_designs,
+    tracking_claims,
     trailing_claims,
 )
 
@@ -235,7 +235,7 @@ def claims_of(plant: Plant, t, cert: dict) -> list[str]:
     if isinstance(t, FilterTables):
         return filter_designs.check(plant, t, cert) + between_samples(plant)
     if isinstance(t, PolytopicTables):
-        return (polytopic_designs if t.law is None else tracking_designs).check(plant, t, cert)
+        return (polytopic_designs if t.law is None else tracking_claims).check(plant, t, cert)
     if isinstance(t, BankTables):
         return bank_claims.check(plant, t, cert)
     if isinstance(t, PointTables):

@@ -12,8 +12,7 @@ import numpy as np
 
 from .analysis.validate import Outcome, validate
 from .designs import Design, read_checked
-from .errors import CertificateError, EmitError, ResiduaError, ValidationError
-from .observers import FAMILIES
+from .errors import EmitError, ValidationError
 from .periods import FACTORS, PeriodPoint, curve
 from .plant.load import load
 from .plant.model import Plant
@@ -108,18 +107,16 @@ def run(plant, out=None, method: str | None = None, real: str | None = None, lay
     try:
         progress("printing C")
         folder = package.generate(made, stage / final.name, real=target.real, layout=target.layout)
-        if made.observer.stated:
-            progress("reading the C back")
-            document.write(folder, made)
+        progress("reading the C back")
+        document.write(folder, made)
         progress("compiling")
         driver = build(folder)
         outcomes = validate(made, driver, progress=progress)
         periods = period_curve(made, progress)
         others = side_by_side(plant, target, progress) if compare else ()
         progress("writing the report")
-        if made.observer.stated:
-            document.update(folder, "validation", (outcomes, broken(made, driver.real, outcomes), plant.scenarios),
-                            lambda: made)
+        document.update(folder, "validation", (outcomes, broken(made, driver.real, outcomes), plant.scenarios),
+                        lambda: made)
         write_report(folder, made, driver, outcomes, periods, others)
         require(made, driver.real, outcomes)
         package.publish(folder, final)
@@ -200,8 +197,7 @@ def generate(design: Design, out, real: str | None = None, layout: str | None = 
     stage = staging(final)
     try:
         folder = package.generate(design, stage / final.name, real=real, layout=layout)
-        if design.observer.stated:
-            document.write(folder, design)
+        document.write(folder, design)
         return package.publish(folder, final)
     except OSError as error:
         raise EmitError(f"{final}: {error.strerror or error}. Choose a folder that can be written.") from error
@@ -227,24 +223,7 @@ def record(folder, check: str, result) -> str:
     """
     from .assurance import document
 
-    if not (Path(folder) / document.NAME).exists() and not is_stated(folder):
-        return ""
     return document.update(folder, check, result, lambda: read_checked(folder))
-
-
-def is_stated(folder) -> bool:
-    """Whether the C of a folder is of a family that ``assurance`` reads back; True where that is not to be told.
-
-    Parameters
-    ----------
-    folder : path
-    """
-    from .target.fuzz import read_record
-
-    try:
-        return FAMILIES[read_record(Path(folder))["family"]].stated
-    except (ResiduaError, KeyError):
-        return True
 
 
 def check_assurance(folder) -> dict:
@@ -262,14 +241,10 @@ def check_assurance(folder) -> dict:
     Raises
     ------
     CertificateError
-        The design does not certify, is of a family without the file, or the file differs from what it should say: names
-        the first difference.
+        The design does not certify, or the file differs from what it should say: names the first difference.
     """
     from .assurance import document
 
-    if not is_stated(folder):
-        raise CertificateError(f"{folder}: of a family whose C is not read back (found), expected another: there is no "
-                               "assurance.json for it. residua certify re-checks the claims.")
     return document.verify(folder, read_checked(folder))
 
 

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from .errors import DesignError
 from .plant.model import Plant
+from .report.words import count
 
 out = Console(highlight=False, soft_wrap=True)
 if not out.is_terminal:  # into a file or a pipe: do not fold the tables to 80 columns
@@ -35,8 +36,10 @@ def plant(p: Plant) -> None:
     from .synthesis import METHODS
 
     out.print(f"{p.name}: {p.title}" + (f"\n{p.source}" if p.source else ""))
-    out.print(f"{p.kind}, sample period {p.sample_period:g} s; {p.n_x} states, {p.n_u} inputs, {p.n_y} outputs, "
-              f"{p.n_w} disturbances, {p.n_v} noises, {p.n_f} faults, {_count(p)}")
+    out.print(f"{p.kind}, sample period {p.sample_period:g} s; "
+              + ", ".join((*(count(n, noun) for n, noun in (
+                  (p.n_x, "state"), (p.n_u, "input"), (p.n_y, "output"), (p.n_w, "disturbance"), (p.n_v, "noise"),
+                  (p.n_f, "fault"))), _count(p))))
     signals = table("\nsignals", "vector", "name", "unit", "from", "to")
     for vector in ("x", "u", "y", "w", "v", "f", "theta"):
         for s in getattr(p, vector):
@@ -49,9 +52,19 @@ def plant(p: Plant) -> None:
     else:
         _polytope(p)
     rows = table("\nmethods", "method", "applies")
-    for name, entry in METHODS.items():
-        rows.add_row(name, escape(_applies(p, name, entry)))  # "[[mode]]" is no markup
+    for names, answer in _grouped({name: _applies(p, name, entry) for name, entry in METHODS.items()}):
+        rows.add_row(names, escape(answer))  # "[[mode]]" is no markup
     out.print(rows)
+
+
+def _grouped(answers: dict[str, str]) -> list[tuple[str, str]]:
+    """A row per method, then one for all that are refused for the reason of more than three."""
+    alike: dict[str, list[str]] = {}
+    for name, answer in answers.items():
+        alike.setdefault(answer, []).append(name)
+    many = {answer: names for answer, names in alike.items() if len(names) > 3 and answer != "yes"}
+    return [*((name, answer) for name, answer in answers.items() if answer not in many),
+            *((", ".join(names), answer) for answer, names in many.items())]
 
 
 def _modes(p: Plant) -> None:
@@ -75,8 +88,8 @@ def _modes(p: Plant) -> None:
     s = p.switching
     told = "known at run time" + (", perhaps one sample late" if s.late else "")
     out.print("\nswitching: " + (told if s.known else "unknown") + (
-        f", average dwell time {s.average_dwell:g} s, chatter bound {s.chatter:g}" if s.average_dwell
-        else ", arbitrary"))
+        ", arbitrary" if not s.average_dwell else f", at least {s.average_dwell:g} s between switches"
+        if s.chatter == 1 else f", average dwell time {s.average_dwell:g} s, chatter bound {s.chatter:g}"))
     telling(p, out)
 
 
@@ -111,7 +124,7 @@ def _polytope(p: Plant) -> None:
 
 def _count(p: Plant) -> str:
     """How many modes or vertices."""
-    return f"{p.n_modes} modes" if p.polytope is None else f"{len(p.polytope.vertices)} vertices"
+    return count(p.n_modes, "mode") if p.polytope is None else f"{len(p.polytope.vertices)} vertices"
 
 
 def _parameters(p: Plant) -> Table:
@@ -156,17 +169,20 @@ def _applies(p: Plant, name: str, entry) -> str:
 
 def claims(design) -> None:
     """Print what was chosen and what is proved for the target's number type."""
-    from .report.design_words import NEVER
+    from .report.design_words import NEVER, finds_mode, sure_faults
+    from .report.little_words import warnings
 
     real = design.plant.target.real
     chosen = next(c for c in design.choice if c["chosen"])
     out.print(f"{design.plant.name}: {design.method}, {chosen['design']} (best of {len(design.choice)})")
     proved(design, {real: design.claims(real)})
-    for fault in design.detection[real]:
-        size = fault["by_delay"][-1]
-        words = f"{number(size)} {fault['unit']} is surely detected within {len(fault['by_delay']) - 1} samples"
-        out.print(f"  fault {fault['channel']}: " + (words if size is not None else
-                                                     f"surely detected: {NEVER}"))
+    stays = " while the mode stays, as above" * finds_mode(design, real)
+    for channel, unit, size, delay in sure_faults(design, real):
+        within = "at once" if delay == 0 else f"within {delay} sample{'s' * (delay > 1)}"
+        words = f"{f'from {number(size)} {unit}'.rstrip()} on, {within}{stays}"
+        out.print(f"  fault {channel}: surely detected: {NEVER if size is None else words}")
+    for text in warnings(design, real):
+        out.print(f"  warning: {text}", markup=False)
 
 
 def proved(design, sentences: dict[str, list[str]]) -> None:
@@ -226,8 +242,8 @@ def target(runs) -> None:
 def proof(result) -> None:
     """Print what Frama-C proved, per function, and what it did not."""
     rows = table("proved by Frama-C Eva", "function", "contracts and assertions")
-    for name, count in sorted(result.properties.items()):
-        rows.add_row(name, str(count))
+    for name, proved in sorted(result.properties.items()):
+        rows.add_row(name, str(proved))
     out.print(rows)
     for alarm in result.alarms[:20]:  # those that others follow from come last
         out.print(f"not proved: {alarm}", markup=False)

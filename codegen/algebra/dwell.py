@@ -42,6 +42,19 @@ def ratio(tau: float, limit: int = 64) -> tuple[int, int]:
     return best.numerator, best.denominator
 
 
+def admitted_jump(lam: float, tau: float) -> float:
+    """Largest jump factor that a decay and a dwell time admit, ``(1 - lam)^-tau``, or 1e9: no solver gains from more.
+
+    Parameters
+    ----------
+    lam : float
+        Decay, 0 <= lam <= 1.
+    tau : float
+        Samples.
+    """
+    return 1e9 if lam >= 1.0 else math.exp(min(-math.log1p(-lam) * tau, math.log(1e9)))
+
+
 def switching_factor(rho: float, lam: float, tau: float, chatter: float) -> float:
     """Factor on c^2 in ``V <= factor * c^2`` for V+ <= (1 - lam) V + c^2 under dwell time tau.
 

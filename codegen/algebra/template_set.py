@@ -127,3 +127,41 @@ def largest(steps: Sequence[Array], pushes: Sequence[Array], rows: Array, paths:
         total += np.abs(back @ W[q]).sum(axis=2)
         back = back @ A[q]
     return total
+
+
+def least_kept(G: Array, omega: Array, edges: Sequence[tuple[int, int, int]], first: Array) -> Array | None:
+    """Solve for the least bounds ``b >= first`` with ``G_p b_a + omega_p <= b_c`` along every edge (a, p, c).
+
+    Which edge decides a bound is guessed, the bounds of the guess are solved for, and the guess is renewed.
+
+    Parameters
+    ----------
+    G : ndarray (N, m, m), omega : ndarray (N, m)
+        Not negative.
+    edges : sequence of (int, int, int)
+    first : ndarray (nodes, m)
+
+    Returns
+    -------
+    ndarray (nodes, m) or None
+        None where there are none, or the numbers are beyond a guess.
+    """
+    (nodes, m), b = first.shape, first
+    for _ in range(60):
+        value, A, rest = first.copy(), np.zeros((nodes, m, nodes, m)), first.copy()
+        for a, p, c in edges:
+            new = G[p] @ b[a] + omega[p]
+            more = new > value[c]
+            value[c][more], rest[c][more] = new[more], omega[p][more]
+            A[c, more] = 0
+            A[c, more, a] = G[p][more]
+        if np.all(value <= b):
+            return b
+        try:
+            solved = np.linalg.solve(np.eye(nodes * m) - A.reshape(nodes * m, -1), rest.ravel()).reshape(nodes, m)
+        except np.linalg.LinAlgError:
+            return None
+        if not np.all(np.isfinite(solved) & (solved >= first * (1 - 1e-9))):
+            return None
+        b = np.maximum(solved, first) * (1 + 1e-13)
+    return None

@@ -110,8 +110,8 @@ def late(kind: str, cert: dict, truth, trace, settled: Array) -> int:
     return found
 
 
-def missed(kind: str, names: tuple[str, ...], cert: dict, truth, trace, settled: Array) -> int:
-    """Steps of a fault of which the certificate says that they leave no mode possible, and that did.
+def due(kind: str, names: tuple[str, ...], cert: dict, truth, trace, settled: Array) -> list[tuple[int, dict]]:
+    """Steps of a fault of which the certificate says that they leave no mode possible.
 
     Parameters
     ----------
@@ -122,9 +122,10 @@ def missed(kind: str, names: tuple[str, ...], cert: dict, truth, trace, settled:
 
     Returns
     -------
-    int
+    list of (int, dict)
+        First sample of the step, and the promise.
     """
-    q, found = acting(kind, truth.q), 0
+    q, found = acting(kind, truth.q), []
     whole = (trace.status == 0) & ~np.isnan(trace.r_lo).any(axis=1)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(q)) + 1])
     for promise in cert.get("faults", ()):
@@ -134,5 +135,11 @@ def missed(kind: str, names: tuple[str, ...], cert: dict, truth, trace, settled:
             calm = k - edges[edges <= k][-1] > promise["after"] and end < len(q) and np.all(q[k:end + 1] == q[k])
             step = np.all(f[k:end] == f[k]) and abs(f[k]) >= promise["size"] and not np.any(others[k:end])
             if calm and step and settled[:k].all() and whole[:end].all():
-                found += not np.any(trace.raw_bits[k:end])
+                found.append((int(k), promise))
     return found
+
+
+def missed(kind: str, names: tuple[str, ...], cert: dict, truth, trace, settled: Array) -> int:
+    """How many of the steps that are ``due`` left a mode possible; the parameters are the same."""
+    return sum(not np.any(trace.raw_bits[k:k + promise["within"] + 1])
+               for k, promise in due(kind, names, cert, truth, trace, settled))

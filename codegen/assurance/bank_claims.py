@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from flint import fmpq
 
-from ..analysis import calibration
+from ..analysis import order_statistics
 from ..certify import bank, bank_limits
 from ..certify.exact import Q, product, rational
 from ..selection import bank_claims
@@ -82,8 +82,8 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
         "calibrated", "Thresholds are no lower than the largest level of each member in the runs drawn; order "
         "statistics say how often another run of that kind exceeds one of them. Of other runs nothing is said.",
         "bound >= largest level; confidence <= 1 - P(Bin(runs, probability) < members)",
-        " ".join(inspect.getdoc(calibration).partition("Source: ")[2].split()),
-        "codegen.analysis.calibration.confidence", calibrated(t, cert), ("bound",), (*plant, *PLANT, *OPTIONS),
+        " ".join(inspect.getdoc(order_statistics).partition("Source: ")[2].split()),
+        "codegen.analysis.order_statistics.confidence", calibrated(t, cert), ("bound",), (*plant, *PLANT, *OPTIONS),
         ("independent", "read-back", "validation", "target"))
 
 
@@ -137,7 +137,7 @@ def heard(plant, t, cert: dict) -> Margin:
 def calibrated(t, cert: dict) -> list[Margin]:
     """Thresholds against the levels of the campaign; its confidence, summed exactly."""
     c = cert["calibration"]
-    exact = calibration.exact_confidence(c["runs"], c["probability"], len(t.members))
+    exact = order_statistics.exact_confidence(c["runs"], c["probability"], len(t.members))
     return [tightest("threshold beyond the largest level", [(Q(b) - Q(a), f"member {k}") for k, (a, b) in enumerate(
         zip(c["levels"], t.bound))]),
             Margin("confidence of the order statistics beyond the claimed one",

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..certify import sampled_vertices, tracking_bounds, tracking_loop
 from ..certify.exact import Q, pivots
-from ..selection import tracking_designs
+from ..selection import tracking_claims
 from .margins import Margin, tightest
 
 LAW = ("Kx", "Ki", "period", "reference", "limit")
@@ -30,7 +30,7 @@ def of_loop(plant, t, cert: dict, claim, own: tuple):
         Checks by exact arithmetic.
     """
     vertices, proof = sampled_vertices.sampled_vertices(plant), cert["loop"]
-    loop = tracking_loop.loop(tracking_designs.sampled_problem(plant, vertices), t, np.array(cert["T1"]), t.law)
+    loop = tracking_loop.loop(tracking_claims.sampled_problem(plant, vertices), t, np.array(cert["T1"]), t.law)
     names, source = [v.name for v in plant.polytope.vertices], f"own derivation: {_first(tracking_loop)}"
     entries = ("time.kind", "time.sample_period", "nonlinear.E", "nonlinear.f", "nonlinear.A", "nonlinear.B",
                "nonlinear.premise", "observer.track")
@@ -46,7 +46,7 @@ def of_loop(plant, t, cert: dict, claim, own: tuple):
         "codegen.certify.tracking_loop.check_decay",
         [least("smallest pivot of f^2 P - M' P M", tracking_loop.decays(loop, proof["decay"]))], GAINS,
         (*exact, "validation"), entries)
-    out = tracking_designs.tracked(plant, t.law)
+    out = tracking_claims.tracked(plant, t.law)
     yield "H-infinity: from rest at reference 0", claim(
         "loop-energy", "Another one pays for the tracking error at every step, at every vertex.",
         "P - e' e - M' P M, with g for the disturbances, > 0 for every (i, j, l); level^2 >= g", source,
@@ -54,8 +54,8 @@ def of_loop(plant, t, cert: dict, claim, own: tuple):
         [least("smallest pivot of the matrix of a vertex", tracking_loop.levels(loop, out, proof["level"])),
          Margin("square of the claimed level beyond the proved one",
                 Q(proof["level"]["gamma"]) ** 2 - Q(proof["level"]["level2"]))], GAINS, (*exact, "validation"), entries)
-    reached = tracking_bounds.envelope(loop, t, t.law, tracking_designs.sizes_of(plant, t))
-    held = tracking_bounds.limits(*tracking_designs.bounded(plant, t, vertices, reached))
+    reached = tracking_bounds.envelope(loop, t, t.law, tracking_claims.sizes_of(plant, t))
+    held = tracking_bounds.limits(*tracking_claims.bounded(plant, t, vertices, reached))
     yield "no saturation:", claim(
         "no-saturation", "What disturbances, references and the start can do to states, inputs and integrals stays "
         "within their ranges, the rounding of every sum and the motion between samples included (double precision, "
@@ -64,7 +64,7 @@ def of_loop(plant, t, cert: dict, claim, own: tuple):
         [tightest("range beyond what is reached", [(Q(limit) - Q(value), f"{name}: {words}")
                                                    for name, words, value, limit in held]),
          tightest("what is said to be reached, beyond what is", [
-             (Q(said) - Q(value), f"{name}[{i}]") for name in tracking_designs.REACHED
+             (Q(said) - Q(value), f"{name}[{i}]") for name in tracking_claims.REACHED
              for i, (said, value) in enumerate(zip(cert["reached"][name], reached[name]))])],
         (*GAINS, "u"), (*exact, "validation"), entries)
     yield "sampling: the second-order vertices", claim(

@@ -126,14 +126,15 @@ class Delays:
             A, B, reach = magnitudes(s.t["Phi"][q]), magnitudes(s.t["Gamma"][q]), s.t["reach"][q]
             terms = total(times(A, exact(self.t["limit"])), times(B, s.umax), map(abs, s.t["shift"][q]), reach)
             self.moves[q] = A, up([2 * a + 2 * s.share * b for a, b in zip(reach, terms)])
-        A, more = self.moves[q]
-        out = total(times(A, widths), more)
+        out = total(times(self.moves[q][0], widths), self.moves[q][1])
         return up([min(a, b) for a, b in zip(out, self.v)] + out[self.p:])
 
     def contracted(self, widths, q, samples):
         """Widths after so many periods in mode q and ever after."""
         for _ in range(samples):
-            widths = self.narrowed(widths, q)
+            before, widths = widths, self.narrowed(widths, q)
+            if before == widths:
+                break
         for _ in range(LASTING):
             later = self.narrowed(widths, q)
             if all(a <= b for a, b in zip(later, widths)):
@@ -233,10 +234,10 @@ def check(design, real, ranges):
     if "witnesses" not in cert:
         return "delays are not checked here"
     plant = tomllib.loads(design["plant"]["toml"])
-    switching, period = plant["switching"], F(float(plant["time"].get("sample_period", 1)))
-    demand("minimum_dwell" in switching or switching.get("chatter") == 1, "a dwell time between any two switches")
-    dwell = F(float(switching.get("minimum_dwell", switching.get("average_dwell"))))
-    demand(cert["dwell"] <= floor(dwell / period + F(1, 10**9)), "dwell time")
+    s, period = plant["switching"], plant["time"].get("sample_period", 1)
+    demand("minimum_dwell" in s or s.get("chatter") == 1, "a dwell time between any two switches")
+    dwell, period = (F(repr(float(x))) for x in (s.get("minimum_dwell", s.get("average_dwell")), period))  # as written
+    demand(cert["dwell"] <= floor(dwell / period), "dwell time")
     delays = Delays(t, cert, ranges)
     delays.check()
     said = "delays hold" + (", those after an alarm too" if "restart" in cert else "")

@@ -7,6 +7,7 @@ no solution, by witnesses in rational numbers, and constants that hold the plant
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 
@@ -25,7 +26,8 @@ def dwell_samples(plant) -> int:
     s = plant.switching
     if s.average_dwell is None or s.chatter != 1:
         return 0
-    return int(s.average_dwell / plant.sample_period + 1e-9)
+    dwell, period = (Fraction(repr(float(x))) for x in (s.average_dwell, plant.sample_period))  # 0.3 is 3 x 0.1
+    return int(dwell / period)
 
 
 def square(n_modes: int, values: dict) -> list[list[int]]:
@@ -61,7 +63,8 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
     CertificateError
     """
     check_enclosure(plant, t)
-    claims = Claims(t, plant.limits("x"), plant.limits("u"), dwell_samples(plant), horizon)
+    claims = Claims(t, plant.limits("x"), plant.limits("u"), dwell_samples(plant), horizon,
+                    names=tuple(m.name for m in plant.modes))
     if oldest is None:
         found = claims.delays(restart, widths)
     else:

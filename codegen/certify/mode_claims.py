@@ -68,10 +68,12 @@ class Claims:
         Samples after which a hypothesis counts as never dying.
     kept : dict or None
         Takes the multipliers that prove something (``mode_delay.Program``).
+    names : tuple of str
+        Of the modes, for messages; left out: their numbers.
     """
 
-    def __init__(self, t, x, u, dwell: int, horizon: int, kept: dict | None = None):
-        self.t, self.x, self.u, self.dwell, self.horizon, self.kept = t, x, u, dwell, horizon, kept
+    def __init__(self, t, x, u, dwell: int, horizon: int, kept: dict | None = None, names: tuple[str, ...] = ()):
+        self.names, self.t, self.x, self.u, self.dwell, self.horizon, self.kept = names, t, x, u, dwell, horizon, kept
         self.modes = range(len(t.Phi))
         self.oldest = 0  # samples that a wrong child may live
         self.hull_begun: dict = {}  # the same after power-up, per mode
@@ -96,9 +98,10 @@ class Claims:
     def _finite(self, found: dict, what: str) -> None:
         for (i, j), last in found.items():
             if last >= self.horizon:
-                raise CertificateError(f"certificate: modes {i} and {j} cannot be told apart within {self.horizon} "
-                                       f"samples ({what} may live on). Use a longer period or dwell time, less noise, "
-                                       "or an input that separates them.")
+                first, second = (self.names[q] if self.names else q for q in (i, j))
+                raise CertificateError(f"certificate: modes {first} and {second} cannot be told apart within "
+                                       f"{self.horizon} samples ({what} may live on). Use a longer period or dwell "
+                                       "time, closer ranges of x, less noise, or an input that separates them.")
 
     def hull(self, course: Course, i: int, j: int, old: int, quiet: int) -> tuple[Array, int]:
         """Widths of the hull of all children of the right mode after the switch, and at which sample."""

@@ -9,6 +9,8 @@ from ..errors import CertificateError
 Array = np.ndarray
 #: Periods within which the box of a mode that stays has reached its bound.
 LASTING = 100000
+#: A width that no box has.
+HUGE = 1e30
 
 
 class AgesError(CertificateError):
@@ -54,13 +56,15 @@ def contracted(t, widths: Array, q: int, samples: int) -> Array:
         They have no bound.
     """
     for _ in range(samples):
-        widths = narrowed(t, widths, q)
+        before, widths = widths, np.minimum(narrowed(t, widths, q), HUGE)  # refused below, before it overflows
+        if np.array_equal(before, widths):
+            break
     for _ in range(LASTING):
         later = narrowed(t, widths, q)
         if np.all(later <= widths):  # and so at every later sample
             return widths
         widths = np.maximum(widths, later * (1 + 1e-6))
-        if np.any(widths > 1e30):
+        if np.any(widths >= HUGE):
             break
-    raise CertificateError(f"certificate: the box of mode {q} grows while the mode stays. Measure another state, or "
-                           "bound the disturbance closer.")
+    raise CertificateError(f"certificate: the box of mode {q}, counted from 0, grows while the mode stays. Measure "
+                           "another state, or bound the disturbance closer.")

@@ -93,9 +93,7 @@ def _record(d: DesignView, design, measured: dict) -> dict[str, str]:
 
 
 def _proofs(design, d: DesignView) -> dict[str, str]:
-    """Print what Frama-C and Gappa read; nothing for families whose C is not read back."""
-    if not design.observer.stated:
-        return {}
+    """Print what Frama-C and Gappa read."""
     out = {f"prove_{d.prefix}.c": render("harness/eva.c.jinja", d=d, e=harness(design, d))}
     if d.family in WITHOUT:  # no margin for rounding, so no script
         return out

@@ -26,8 +26,6 @@ class Runner:
     family = ""
     tables_class: type = object
     trace_class: type = Trace
-    #: Whether ``assurance`` can read its C back.
-    stated = True
 
     def __init__(self, tables: dict, supervision: Supervision):
         self.tables = tables

@@ -23,6 +23,8 @@ from codegen.plant.values import Cycle, shown
 
 #: Samples in a period of a schedule.
 LONGEST_SCHEDULE = 256
+#: Samples of a dwell time: proofs walk along it, and the firmware counts in 32 bits.
+LONGEST_DWELL = 100000
 
 
 def build(text: str, folder: str = "", scenarios: bool = True) -> Plant:
@@ -69,7 +71,7 @@ def build(text: str, folder: str = "", scenarios: bool = True) -> Plant:
         x0_lo=x0_lo,
         x0_hi=x0_hi,
         modes=modes,
-        switching=replace(_switching(file.switching), schedule=_schedule(file, names)),
+        switching=replace(_switching(file.switching, file.time.sample_period), schedule=_schedule(file, names)),
         method=file.observer.method,
         options=dict(file.observer.model_extra or {}),
         target=_target(file.name, file.target),
@@ -105,7 +107,14 @@ def _parsed(text: str) -> dict[str, Any]:
     return raw
 
 
-def _switching(table: SwitchingTable) -> Switching:
+def _switching(table: SwitchingTable, period: float) -> Switching:
+    if table.late and not table.known:
+        raise PlantError("switching.late: is true where nobody tells the mode (known = false). Leave one of them out.")
+    for name in ("average_dwell", "minimum_dwell"):
+        value = getattr(table, name)
+        if value is not None and value > LONGEST_DWELL * period:
+            raise PlantError(f"switching.{name}: is {value:g} s, {value / period:.3g} samples (expected at most "
+                             f"{LONGEST_DWELL}). State a shorter one: it covers whatever switches more slowly.")
     if table.average_dwell is not None and table.minimum_dwell is not None:
         raise PlantError("switching: average_dwell and minimum_dwell are both given. Give one of them.")
     if table.minimum_dwell is not None:

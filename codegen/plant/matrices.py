@@ -140,7 +140,7 @@ def check_shape(source: Source, name: str, signals: Signals) -> None:
     if n_columns == 0:
         raise PlantError(
             f"{source.place} is {found[0]}x{found[1]}, but signals.{vectors[1]} is empty. "
-            f"Declare {found[1]} signals there, or leave {name} out."
+            f"Declare {found[1]} signal{'s' * (found[1] > 1)} there, or leave {name} out."
         )
     reason = f"{vectors[0]} has {count(signals[vectors[0]])}"
     if vectors[1] != vectors[0]:

@@ -31,6 +31,7 @@ class _Context:
     constants: Mapping[str, float]
     sample_period: float
     instants: bool
+    dwell: float  # samples between switches at least, where nobody watches that; 0 elsewhere
 
     def fail(self, key: str, message: str) -> PlantError:
         return PlantError(f"{self.place}.{key}: {message}")
@@ -70,7 +71,8 @@ def scenarios_of(
             raise PlantError(f"scenarios: the name {shown(table.name)} is used twice. Rename one.")
         place = f"scenarios.{table.name}"
         context = _Context(place, signals, tuple(modes), file.constants, file.time.sample_period,
-                           file.time.kind == "continuous" and not file.switching.known)
+                           file.time.kind == "continuous" and not file.switching.known,
+                           0 if file.switching.known else (file.switching.minimum_dwell or 0) / file.time.sample_period)
         result.append(_scenario(table, context, folder))
     return tuple(result)
 
@@ -197,9 +199,13 @@ def _schedule(
             raise context.fail("mode", f"sample {sample} comes after sample {previous}. Sort the samples.")
         if sample != int(sample) and not context.instants:
             raise context.fail("mode", f"sample {sample:g} is not whole (expected that where the mode is known or time "
-                               "is discrete). Round it.")
+                               "is discrete). Round it, or set switching.known = false where nobody tells the mode.")
         if sample >= steps:
             raise context.fail("mode", f"sample {sample} is past the end (steps is {steps}). Remove it.")
+        if previous > 0 and sample - previous < context.dwell * (1 - 1e-9):
+            raise context.fail("mode", f"samples {previous:g} to {sample:g} are {sample - previous:g} (expected "
+                               f"{context.dwell:g} at least, switching.minimum_dwell; nothing watches it where the "
+                               "mode is not known). Space the switches.")
         previous = sample
     if previous < 0:
         raise context.fail("mode", 'is empty. Give e.g. [[0, "name"]].')

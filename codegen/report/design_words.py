@@ -70,7 +70,7 @@ def words_of(design, real: str) -> DesignWords:
 def _sentence(claim: str) -> str:
     """A claim with a capital, if it begins with a word and not with a symbol, and a full stop."""
     first = claim.split(" ", 1)[0]
-    return (claim[:1].upper() + claim[1:] if first.isalpha() else claim).rstrip(".") + "."
+    return (claim[:1].upper() + claim[1:] if first.rstrip(":").isalpha() else claim).rstrip(".") + "."
 
 
 def proved_switching(cert: dict) -> str:
@@ -113,6 +113,8 @@ def _facts(design, real: str) -> tuple[Fact, ...]:
         why = trailing_words.WHY
     elif is_polytopic(design, real) or is_bank(design, real):
         why = "there is one design: the lowest level within the bounds of gain and decay"
+    elif len(design.choice) == 1:
+        why = "one design was certified; there was nothing to choose from"
     elif not design.plant.f and not criterion:
         why = f"of {tried}, the narrowest was kept: there is no fault channel"
     else:
@@ -147,8 +149,8 @@ def _varying(design, real: str) -> str:
 
 def _choice(design) -> tuple[Table, tuple[Folded, ...]]:
     """What was tried, best first."""
-    sizes = any(x is not None for entry in design.choice for x in entry["surely_detected"])
-    channels = design.plant.f if sizes or design.plant.switching.known else ()  # compared as if the mode were told
+    promised = any(size is not None for entry in design.choice for size in entry["surely_detected"])
+    channels = design.plant.f if promised else ()
     head = ("method", "design", *(f"#{f.name}" for f in channels), "#relative width", "#level")
     rows: list[Row] = []
     for entry in design.choice:
@@ -159,9 +161,10 @@ def _choice(design) -> tuple[Table, tuple[Folded, ...]]:
                  words.at_most(entry["level"]))
         kinds = ("", "", *["num"] * (len(cells) - 2))
         rows.append(Row(tuple(Cell(c, k) for c, k in zip(cells, kinds)), "chosen" if entry["chosen"] else ""))
-    notes = ("Columns named after a fault: the smallest step of it that is surely detected. " * bool(channels)
-             + "Relative width: guaranteed ultimate width of the states, each in units of its declared range, summed. "
-             "Level: of the criterion that gave the design; not to be compared between criteria.",)
+    notes = ("Columns named after a fault: the smallest step of it that is surely detected. " * promised
+             + "Relative width: guaranteed ultimate width of the states, each in units of its declared range, summed"
+             + (" (of the observer told its mode)" if finds_mode(design, design.plant.target.real) else "")
+             + ". Level: of the criterion that gave the design; not to be compared between criteria.",)
     rest = rows[SHOWN:]
     others = f"{words.count(len(rest), 'other design')} that {'was' if len(rest) == 1 else 'were'} tried"
     folded = (Folded(others, (table("The others, best first", head, rest),)),) if rest else ()
@@ -215,11 +218,14 @@ def _assumed(design, real: str) -> tuple[str, ...]:
              f"There is one call of step or predict every {words.seconds(plant.sample_period)}.",
              "At init the state is in its initial box; at all times it is in its declared range. The range "
              + ("cuts the bounds at every call." if tables.clamp else
+                mode_words.RANGE[design.certificate[real]["kind"]] if finds_mode(design, real) else
                 "is where the estimate and its set restart after a fault." if isinstance(tables, PointTables) else
                 "is where the thresholds restart after a fault." if not bounds_states(design, real) else
                 "is where the bounds restart after a fault, and cuts them while a measurement is missing."),
              "Disturbance and noise keep to the bounds listed above."]
     items += parameter_words.assumed(plant)
+    if finds_mode(design, real):
+        items.append(mode_words.dwell(design.certificate[real], plant.sample_period))
     if design.observer.supervision.monitors_dwell:
         items.append("The modes switch slowly enough on average; this is watched at run time.")
     items.append("Arithmetic is IEEE 754, rounding to nearest, with subnormal numbers.")
@@ -240,21 +246,24 @@ def _limits(design, point: bool) -> tuple[str, ...]:
             "That the alarm lasts as long as the fault. After an alarm the observer restarts from the declared ranges "
             "and may then take a constant fault for part of the plant"
             + ("; the latched bits remember it." if design.observer.supervision.latch else "."),
+            "Which fault it is. The alarm says that no mode explains the measurements, not why."
+            if design.certificate[design.plant.target.real]["kind"] == "mode" else
             "Which fault it is. An alarm bit says which output left its bounds"
             + (" (the last one: all of them together), not why." if point and design.plant.n_y > 1 else ", not why."))
 
 
 def _not_guaranteed(design, real: str) -> tuple[str, ...]:
     debounce, point = design.observer.supervision.debounce, is_point(design, real)
-    unproved = is_unproved(design, real)
-    items = [*("That a fault below the thresholds is found. It may be, or may not.",) * (not unproved),
+    sure = any(size is not None for _, _, size, _ in sure_faults(design, real))
+    items = ["That a fault below the thresholds is found. It may be, or may not." if sure else
+             "That a fault is found, of whatever size. It may be, or may not.",
              *(_FILTER_LIMITS if is_filter(design, real) else polytopic_words.LIMITS if is_polytopic(design, real)
                else (*sliding_words.not_guaranteed(design.certificate[real]),
                      *trailing_words.LIMITS[1:2] * is_guided_filter(design)) if unproved
                else bank_words.LIMITS if is_bank(design, real)
                else trailing_words.LIMITS if is_trailing(design, real) else _limits(design, point)),
-             *("Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
-               "with the observer settled before it.",) * (not unproved), *parameter_words.not_guaranteed(
+             *["Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
+               "with the observer settled before it."] * sure, *parameter_words.not_guaranteed(
                  design.plant, "thresholds" if is_filter(design, real) else "state bounds")]
     if debounce != (1, 1):
         items.append("The delays below for the debounced alarm: they count to the first sample outside its bounds; the "
@@ -272,6 +281,33 @@ def is_filter(design, real: str) -> bool:
 def is_unproved(design, real: str) -> bool:
     """Whether the firmware decides for a mode of which nothing is proved."""
     return design.certificate[real]["kind"] == "sliding"
+
+
+def finds_mode(design, real: str) -> bool:
+    """Whether the firmware is not told its mode."""
+    return design.certificate[real]["kind"] in ("mode", "sliding")
+
+
+def sure_faults(design, real: str) -> list[tuple[str, str, float | None, int]]:
+    """List channel, unit, the size that is surely detected (None: no size is) and within how many samples.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+
+    Returns
+    -------
+    list of tuple
+        Where the firmware finds the mode: of a step while the mode stays.
+    """
+    own = {f["channel"]: (f["size"], f["within"]) for f in design.certificate[real].get("faults", ())}
+    out = []
+    for fault in design.detection[real]:
+        size = fault["by_delay"][-1]
+        found = own.get(fault["channel"], (size, 0 if size is None else fault["by_delay"].index(size)))
+        out.append((fault["channel"], fault["unit"], *found))
+    return out
 
 
 def is_polytopic(design, real: str) -> bool:
@@ -316,6 +352,8 @@ def _detection(design, real: str) -> tuple[Table, ...]:
     faults = design.detection[real]
     if not faults:
         return (table("Smallest fault that is surely detected", ("fault",), [("the plant file declares none",)]),)
+    if finds_mode(design, real):
+        return (mode_words.detection(design, real),)
     period = design.plant.sample_period
     longest = max(len(f["by_delay"]) for f in faults)
     head = ["fault", "declared range", *(f"#{words.within(d, period)}" for d in range(longest))]
@@ -332,10 +370,12 @@ def _detection(design, real: str) -> tuple[Table, ...]:
         rows.append(cells)
     where = "the residual outside its set" if is_point(design, real) else "an output outside its bounds"
     courses = "mode sequence that the certificate admits" if design.plant.polytope is None else "course of the weights"
-    notes = [f"A step of this size or more, of either sign, puts {where} within this time, whatever"
-             f" the disturbance, the noise and the {courses}. The delay counts "
-             "from the first sample of the fault; “at once” is that sample itself."]
-    if varies(design, real):
+    none = all(size is None for fault in faults for size in fault["by_delay"])
+    notes = [] if none else [
+        f"A step of this size or more, of either sign, puts {where} within this time, whatever the disturbance, the "
+        f"noise and the {courses}. The delay counts from the first sample of the fault; “at once” is that sample "
+        "itself."]
+    if varies(design, real) and not none:
         notes.append("Parameters and unknowns move the errors too: these thresholds bound every path of theta and "
                      "every unknown at once, over all modes. They are safe and may be larger than need be."
                      + (" For a fault that acts on the state they hold while no bound is on the far end of the "

@@ -20,7 +20,8 @@ def facts(design, real: str) -> tuple[Fact, ...]:
     target = "the fault itself" if "target" not in plant.options else "the fault, weighted by W_f (target)"
     weight = "" if "colour" not in plant.options else "; disturbances, noises and inputs are weighted by W_d (colour)"
     scaled = ("the estimate is scaled so that a lasting fault is met exactly while a mode stays",) * bool(cert["post"])
-    return (Fact("Estimate", "; ".join([f"{target}{weight}", *scaled])),
+    missed = tuple(f"next to nothing is in it of fault {name}" for name in cert.get("missed", ()))
+    return (Fact("Estimate", "; ".join([f"{target}{weight}", *scaled, *missed])),
             Fact("Energy gain from all unknowns to the error of the estimate", "; ".join(parts)),
             Fact("Threshold", threshold(cert)))
 

@@ -5,7 +5,30 @@ from __future__ import annotations
 import numpy as np
 
 from . import words
-from .table import Folded, Table, table
+from .table import Cell, Folded, Table, table
+
+#: What the declared range of the state is for, by kind of the certificate.
+RANGE = {"mode": "is where the boxes start again after a fault.",
+         "sliding": "is what is answered from a detection until a mode is taken up, and where the bounds start then."}
+
+
+def dwell(cert: dict, period: float) -> str:
+    """Say how far apart switches have to be, for what.
+
+    Parameters
+    ----------
+    cert : dict
+    period : float
+
+    Returns
+    -------
+    text : str
+    """
+    least = words.delay(cert["dwell"], period)
+    if cert["kind"] == "sliding":
+        return f"Switches are at least {least} apart: nothing watches that, and what is said of the alarm rests on it."
+    return (f"Switches are at least {words.delay(cert['ages'] + 1, period)} apart: nothing watches that, and all "
+            f"bounds rest on it. The delays rest on {least}.")
 
 
 def delays(design, real: str) -> tuple[Table, ...]:
@@ -33,6 +56,37 @@ def delays(design, real: str) -> tuple[Table, ...]:
              f"the time, also where switches are only {words.delay(cert['ages'] + 1, T)} apart.",)
     head = ("from", "to", "#old mode ruled out", "#mode right")
     return (table("How soon the firmware knows the mode, proved", head, rows, notes),)
+
+
+def detection(design, real: str) -> Table:
+    """Tabulate the faults that leave no mode possible, and say of the others that nothing is promised.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+
+    Returns
+    -------
+    Table
+    """
+    plant, cert = design.plant, design.certificate[real]
+    sure, T, rows = {f["channel"]: f for f in cert.get("faults", ())}, plant.sample_period, []
+    for signal in plant.f:
+        own, size, when, after = sure.get(signal.name), Cell("no size is promised", "num warn"), words.NONE, words.NONE
+        if own:
+            size = Cell(words.quantity(words.at_most(own["size"]), signal.unit), "num")
+            when, after = words.within(own["within"], T), words.delay(own["after"], T)
+        rows.append((signal.name, words.interval(signal.lo, signal.hi, signal.unit), size, when, after))
+    held = ("A step of this size or more, of either sign, leaves no mode possible within this time, if it begins so "
+            "long after power-up and the last switch, the mode stays, no alarm came before and no measurement is "
+            "missing.")
+    notes = [held] * bool(sure)
+    if len(sure) < plant.n_f:
+        notes.append("Where no size is promised a fault may pass for a change of the mode, or for a decision that is "
+                     "not right; it is often found all the same.")
+    head = ("fault", "declared range", "#size", "#found", "#earliest, after a switch")
+    return table("Smallest fault that is surely detected", head, rows, notes)
 
 
 def switching(cert: dict) -> str:

@@ -4,9 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..analysis.mode_promise import due
 from ..analysis.validate import Episode, Outcome
 from . import words
-from .design_words import NEVER, bounds_states, hides, is_bank, is_filter, is_polytopic, is_unproved, settled_width
+from .design_words import (
+    NEVER,
+    bounds_states,
+    finds_mode,
+    hides,
+    is_bank,
+    is_filter,
+    is_polytopic,
+    settled_width,
+    sure_faults,
+)
 from .table import Cell, Folded, Table, table, verdict
 
 FEW = 6  # episodes that are shown without a click
@@ -55,7 +66,7 @@ def is_record(outcome: Outcome) -> bool:
 
 def threshold(design, real: str, e: Episode) -> float | None:
     """Surely detected size of the episode's channel; None where no size is."""
-    return next(f for f in design.detection[real] if f["channel"] == e.channel)["by_delay"][-1]
+    return next(size for channel, _, size, _ in sure_faults(design, real) if channel == e.channel)
 
 
 def promise(design, real: str, outcome: Outcome, e: Episode) -> tuple[int | None, str]:
@@ -81,8 +92,8 @@ def promise(design, real: str, outcome: Outcome, e: Episode) -> tuple[int | None
         return None, "several faults at once"
     if is_bank(design, real):
         return None, "the thresholds are calibrated"
-    if is_unproved(design, real):
-        return None, "the mode is decided without a guarantee"
+    if finds_mode(design, real):
+        return _leaves_no_mode(design, real, outcome, e)
     before = e.start - 1
     if is_filter(design, real):
         wide = not np.all(trace.f_bound[e.start] <= design.observer.tables[real].h[-1, outcome.truth.q[e.start]])
@@ -107,6 +118,20 @@ def promise(design, real: str, outcome: Outcome, e: Episode) -> tuple[int | None
     if np.any(values != values[0]):
         reason = "no step"
     return None, reason
+
+
+def _leaves_no_mode(design, real: str, outcome: Outcome, e: Episode) -> tuple[int | None, str]:
+    """As ``promise``, where the firmware finds the mode."""
+    size = threshold(design, real, e)
+    if size is None:
+        return None, "no size is promised"
+    cert, channels = design.certificate[real], tuple(f.name for f in design.plant.f)
+    for k, sure in due(design.plant.kind, channels, cert, outcome.truth, outcome.trace, outcome.settled):
+        if k == e.start and sure["channel"] == e.channel:
+            return sure["within"], ""
+    if abs(outcome.truth.f[e.start, channels.index(e.channel)]) < size:
+        return None, "below the threshold"
+    return None, "no step, a switch or an alarm too near, or a sample is missing"
 
 
 def kept(design, real: str, outcome: Outcome, e: Episode) -> bool:

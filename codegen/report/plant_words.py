@@ -69,6 +69,8 @@ def switching(plant: Plant) -> str:
     if s.average_dwell is None:
         return f"arbitrary, as fast as every sample; {told}"
     samples = words.number(s.average_dwell / plant.sample_period)
+    if s.chatter == 1:
+        return f"at least {words.seconds(s.average_dwell)} ({samples} samples) between switches; {told}"
     return (f"on average {words.seconds(s.average_dwell)} ({samples} samples) or more between switches, with chatter "
             f"bound {s.chatter:g}; {told}")
 

@@ -18,10 +18,11 @@ LONG = 600  # samples from which the first fault gets a plot of its own
 JOINTLY = (" “Only jointly”: every residual is within its own bound, and all of them together cannot be explained; the "
            "pictures below show why.")
 MANY = 3  # faults from which it does too
-AGREES = "While zero lies between the bounds, the measurement agrees with the plant; where it does not, "
-RESTARTS = " Bounds that restart from the declared ranges after an alarm may run off the panel."
-RESIDUAL = f"{AGREES}a fault is proved.{RESTARTS}"
-DECIDED = f"{AGREES}there is a fault, or the mode is not the one that is decided for.{RESTARTS}"
+RESIDUAL = ("While zero lies between the bounds, the measurement agrees with the plant; where it does not, a fault is "
+            "proved. Bounds that restart from the declared ranges after an alarm may run off the panel.")
+DOUBTED = ("While zero lies between the bounds, the measurement agrees with the mode that is decided for; where it "
+           "does not, a fault acts, or the decision is not right. From a detection until a mode is taken up, and after "
+           "an alarm, the bounds are those of the declared ranges and may run off the panel.")
 ESTIMATE = ("While the estimate is within the band, it may all be disturbance; beyond it a fault is proved. The "
             "band is wide for a while after a start, and where a fault has been seen and is over.")
 
@@ -44,8 +45,8 @@ def residuals(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
         return ()
     run, title = plots.whole(plant, o.truth, o.trace), o.scenario.name
     joint = o.trace.bounded and joint_only(run).any()
-    caption = (ESTIMATE if isinstance(o.trace, FilterTrace) else
-               (DECIDED if isinstance(o.trace, SlidingTrace) else RESIDUAL) + JOINTLY * bool(joint))
+    usual = DOUBTED if isinstance(o.trace, SlidingTrace) else RESIDUAL
+    caption = ESTIMATE if isinstance(o.trace, FilterTrace) else usual + JOINTLY * bool(joint)
     every = Plot(inline(plots.residual_figure(run), f"{name}r", f"Residuals of scenario {title}"), caption)
     if not o.episodes or (len(o.episodes) <= MANY and len(o.trace.status) <= LONG):
         return (every,)
@@ -81,10 +82,10 @@ def states(plant, o: Outcome, name: str) -> tuple[Plot, ...]:
         return ()
     run = plots.whole(plant, o.truth, o.trace)
     known = "" if run.simulated else " A record has no true state to compare with."
-    said = ("The bounds of every state, right while the decision is." if isinstance(o.trace, SlidingTrace) else
-            "The guaranteed bounds of every state.")
+    kind = "bounds of every state, guaranteed while the decision is right" if isinstance(o.trace, SlidingTrace) else (
+        "guaranteed bounds of every state")
     return (Plot(inline(plots.state_figure(run), f"{name}x", f"State bounds of scenario {o.scenario.name}"),
-                 said + known),)
+                 f"The {kind}.{known}"),)
 
 
 def around(run: Run, e: Episode) -> Run:

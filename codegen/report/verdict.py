@@ -6,19 +6,34 @@ from dataclasses import dataclass
 
 from ..analysis.validate import Outcome
 from . import firmware_words, outcome_words, words
-from .design_words import bounds_states, is_bank, is_filter, is_guided_filter, is_polytopic, is_trailing, is_unproved
+from .design_words import (
+    bounds_states,
+    finds_mode,
+    is_bank,
+    is_filter,
+    is_guided_filter,
+    is_polytopic,
+    is_trailing,
+    is_unproved,
+    sure_faults,
+)
+from .little_words import warnings
 from .table import Fact
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The headline's parts; ``kind`` is a CSS class ("ok", "bad" or "warn"), ``figures`` the tiles below it."""
+    """The headline's parts; ``kind`` is a CSS class ("ok", "bad" or "warn"), ``figures`` the tiles below it.
+
+    ``warnings`` name the guarantees that say little.
+    """
 
     kind: str
     word: str
     purpose: str
     result: str
     figures: tuple[Fact, ...]
+    warnings: tuple[str, ...]
 
 
 def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict:
@@ -38,12 +53,13 @@ def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict
     """
     complaints = [text for o in outcomes for text in _complaints(design, real, o)]
     figures = _figures(design, real, record, outcomes)
+    little = tuple(text[0].upper() + text[1:] for text in warnings(design, real))
     if not outcomes:
         text = "The plant file has no scenario that could be run."
-        return Verdict("warn", "Not validated", purpose(design), text, figures)
+        return Verdict("warn", "Not validated", purpose(design), text, figures, little)
     if complaints:
         text = f"{'; '.join(complaints)}. Do not use this firmware."
-        return Verdict("bad", "Validation failed", purpose(design), text[0].upper() + text[1:], figures)
+        return Verdict("bad", "Validation failed", purpose(design), text[0].upper() + text[1:], figures, little)
     samples = sum(len(o.trace.status) for o in outcomes)
     found = [e for o in outcomes for e in o.episodes if e.delay is not None]
     injected = sum(len(o.episodes) for o in outcomes)
@@ -65,7 +81,7 @@ def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict
         promised = any(outcome_words.promise(design, real, o, e)[0] is not None for o in outcomes for e in o.episodes)
         text += f" {len(found)} of {words.count(injected, 'fault')} found; " + (
             "none was later than promised." if promised else "of none was it promised.")
-    return Verdict("ok", "Validation passed", purpose(design), text, figures)
+    return Verdict("ok", "Validation passed", purpose(design), text, figures, little)
 
 
 def purpose(design) -> str:
@@ -140,12 +156,11 @@ def _figures(design, real: str, record: dict, outcomes: list[Outcome]) -> tuple[
     """The tiles: scenarios passed, surely detected faults, cost."""
     passed = sum(o.passed for o in outcomes)
     figures = [Fact("scenarios passed", f"{passed} of {len(outcomes)}")] if outcomes else []
-    for fault in design.detection[real]:
-        by_delay = fault["by_delay"]
-        if by_delay[-1] is None:
-            figures.append(Fact(f"{fault['channel']}: no fault surely detected", "none"))
+    for channel, unit, size, delay in sure_faults(design, real):
+        if size is None:
+            figures.append(Fact(f"{channel}: no fault surely detected", "none"))
             continue
-        when = words.within(by_delay.index(by_delay[-1]), design.plant.sample_period)
-        size = words.quantity(words.at_most(by_delay[-1]), fault["unit"])
-        figures.append(Fact(f"smallest surely detected {fault['channel']} fault, {when}", size))
+        when = words.within(delay, design.plant.sample_period) + " while the mode stays" * finds_mode(design, real)
+        figures.append(Fact(f"smallest surely detected {channel} fault, {when}",
+                            words.quantity(words.at_most(size), unit)))
     return (*figures, *firmware_words.tiles(record))

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..analysis.calibration import Calibration, Population, calibrate, fault_free_runs, losses, runs_needed
+from ..analysis.calibration import Population, fault_free_runs, losses
+from ..analysis.order_statistics import Calibration, calibrate, runs_needed
 from ..analysis.validate import side_by_side
 from ..certify import bank as settling
 from ..certify import bank_limits

@@ -11,7 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..analysis.calibration import Calibration, Population, campaign, stated_runs
+from ..analysis.calibration import Population, campaign, stated_runs
+from ..analysis.order_statistics import Calibration
 from ..errors import CertificateError, DesignError
 from ..observers import FilterObserver, FilterTables, Supervision
 from ..plant.model import Plant

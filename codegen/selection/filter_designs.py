@@ -11,16 +11,18 @@ from scipy.linalg import solve_discrete_lyapunov
 from ..analysis.worst_sequence import worst_run
 from ..certify import filter_bounds, switched_gain
 from ..certify.exact import Q, up
-from ..errors import CertificateError
+from ..errors import CertificateError, DesignError
 from ..observers import FilterTables
 from ..plant.model import Plant
 from ..synthesis.fault_filter import copies, stated, with_copy
-from ..synthesis.hinf_analysis import closed_loop
+from ..synthesis.hinf_analysis import closed_loop, heard
 from . import filter_calibration
 from .filter_tables import frozen
 from .filters import certify_proposal, propose
 
 SYNTHESES = ("slack", "projection")
+#: An estimate that gets less than this of its fault, in its range, is deaf to it.
+DEAF = 0.01
 
 
 def explore(plant: Plant, options: dict, progress: Callable[[str], None]) -> Iterator[SimpleNamespace]:
@@ -44,7 +46,13 @@ def explore(plant: Plant, options: dict, progress: Callable[[str], None]) -> Ite
 
 
 def proposed(plant: Plant, options: dict, progress: Callable[[str], None], switching=None) -> dict:
-    """Design a filter; ``switching`` in place of the plant's. Errors as ``explore``."""
+    """Design a filter; ``switching`` in place of the plant's.
+
+    Raises
+    ------
+    DesignError
+        No filter exists, none hears anything of a fault, or an option is wrong.
+    """
     problem = under(stated(plant, options, not copies(plant, options))[0], switching)
     synthesis = options.get("synthesis", "slack")
     progress(f"{synthesis}: {len(problem.modes)} modes, {problem.sizes[0]} states")
@@ -53,7 +61,18 @@ def proposed(plant: Plant, options: dict, progress: Callable[[str], None], switc
     if proposal.pairs is not None:
         progress(f"projection: gains per pair of modes reach {proposal.pairs:.5g} at best, one filter per mode "
                  f"{proposal.claimed:.5g}")
-    return {"kind": "filter", "proposal": proposal}
+    deaf = heard(problem, proposal.gains) < DEAF
+    if np.all(deaf):
+        raise DesignError(
+            f"{plant.name}: no filter does better than one whose estimate is 0 at every sample (found: the level "
+            f"{proposal.claimed:.4g}, less than {100 * DEAF:g} % of any fault in its estimate), expected one that "
+            "follows a fault. Where faults act a sample late or are fast, estimate their slow part: observer.target = "
+            "{ num = [0.1], den = [1, -0.9] }. Else measure more, declare fewer faults, or narrow the bounds of w and "
+            "v beside the range of f.")
+    missed = [f'"{plant.f[j].name}" in mode "{plant.modes[q].name}"' for q, j in np.argwhere(deaf)]
+    if missed:
+        progress(f"{synthesis}: the estimate gets next to nothing of fault {', '.join(missed)}")
+    return {"kind": "filter", "proposal": proposal, "missed": missed}
 
 
 def under(problem, switching):
@@ -98,7 +117,8 @@ def certified(plant: Plant, gains: dict, options: dict, real: str) -> tuple[Filt
     t, held = frozen(plant.enclosed, constants, graph, real, None if rows is None else int(rows))
     add, drain, limit = switching.dwell
     cert |= {"set_of_both": held, "steady_box": None, "dwell_add": add, "dwell_drain": drain, "dwell_limit": limit,
-             "post": [x.tolist() for x in proposal.xi], **({} if proposal.pairs is None else {"pairs": proposal.pairs})}
+             "post": [x.tolist() for x in proposal.xi], **({} if proposal.pairs is None else {"pairs": proposal.pairs}),
+             **({"missed": gains["missed"]} if gains["missed"] else {})}
     if options.get("threshold") == "calibrated":
         return filter_calibration.calibrated(plant, t, cert, options)
     return t, cert

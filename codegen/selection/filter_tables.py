@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ..algebra.template_set import combinations, independent, largest, walks
+from ..algebra.template_set import combinations, independent, largest, least_kept, walks
 from ..certify import filter_bounds
 from ..certify.exact import Q, down, up
 from ..certify.filter_model import JointMode, boxes, joint, joint_mode, parts
@@ -29,6 +29,10 @@ LONG = 120
 MOST_NUMBERS = 6
 #: An initial box may raise the last thresholds by so much; else the firmware starts from anywhere.
 RAISED = 1.02
+#: Maps are raised by so much before bounds are solved for that they keep.
+SOLVED = filter_bounds.RAISE * (1 + 1e-9)
+#: Samples that runs of slow plants are followed back at most, and over 1 - the largest eigenvalue.
+LONGEST, SLOW = 4000, 3.0
 
 
 def floats(values: Array) -> Array:
@@ -180,7 +184,7 @@ class Chooser:
 
     def settled(self, found: filter_bounds.Maps, b: Array) -> Array | None:
         """Bounds that are kept, from bounds b (nodes, m) upward; None where they grow without end."""
-        top = 1e6 * np.max(b)
+        top, first = 1e6 * np.max(b), b
         for _ in range(4000):
             after = found.after(self.graph, b)
             if np.all(after <= b):
@@ -188,22 +192,28 @@ class Chooser:
             b = np.maximum(b, after * (1 + 1e-9))
             if not np.max(b) < top:
                 return None
-        return None
+        # Slow plants take long: solve for them.
+        return least_kept(found.G * SOLVED, found.omega * SOLVED, self.graph.edges, first)
 
     def kept(self, rows: Array) -> tuple[dict, filter_bounds.Maps, Array] | None:
         """A certificate's combinations, what follows from them, and the last bounds; None where there are none."""
-        b = self.reached(rows)
-        if not np.max(b) < 1e12:
-            return None
-        for _ in range(2):
+        for factor in (1.0, 1.5, 1.0):
+            b = self.reached(rows) * factor
+            if not np.max(b) < 1e12:
+                return None
             cert = self.combined(rows, b)
             found = filter_bounds.maps(self.model, cert, self.n_s)
             bounds = self.settled(found, np.tile(b / 1.01, (len(self.graph.mode), 1)))
-            if bounds is None:
-                b = 1.5 * b
-                continue
-            return cert, found, bounds
+            if bounds is not None:
+                return cert, found, bounds
+            if factor > 1:  # runs may have been too short to show how rows grow together
+                self.follow_further()
         return None
+
+    def follow_further(self) -> None:
+        """Follow runs as far back as the slowest mode asks for."""
+        radius = min(max(np.abs(np.linalg.eigvals(J)).max() for J in self.J), 1 - 1e-9)
+        self.paths = backwards(self.graph, len(self.model), int(np.clip(SLOW / (1 - radius), LONG, LONGEST)))
 
 
 def thresholds(plant: Plant, given: dict, graph: filter_bounds.Graph, most: int | None = None) -> tuple[dict, dict]:

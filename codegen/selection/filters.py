@@ -13,7 +13,7 @@ from ..certify.switched_gain import check_gain
 from ..errors import CertificateError, DesignError
 from ..synthesis import hinf_filter, hinf_projection
 from ..synthesis.hinf_analysis import balanced, level_of, rounded, stability_margin
-from ..synthesis.hinf_condition import conditioned, is_skewed, unscaled
+from ..synthesis.hinf_condition import conditioned, in_reach, is_skewed, out_of_reach, radii, unscaled
 from ..synthesis.hinf_filter import REMEDY, FilterDesign
 from ..synthesis.hinf_problem import FilterProblem, is_slight, without_slight
 from ..synthesis.hinf_reduction import reduce_order
@@ -21,6 +21,8 @@ from ..synthesis.hinf_weights import post_scaling, scaled
 
 #: Room given to the exact check, in scaled coordinates; the smallest that passes is kept.
 MARGINS = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5)
+#: Eigenvalues are stable below this: a double one at 1 comes out up to 1e-8 off.
+STABLE = 1 - 1e-7
 
 
 @dataclass(frozen=True)
@@ -143,10 +145,31 @@ def designed(problem: FilterProblem) -> tuple[FilterDesign, FilterProblem]:
     wholes = [problem, conditioned(problem)[0]]
     forms = [form for whole in (reversed(wholes) if is_skewed(problem) else wholes)
              for form in ((whole, whole), (whole, without_slight(whole)))[:1 + slight]]
-    for whole, form in forms[:-1]:
+    for whole, form in forms:
         with suppress(DesignError):
             return hinf_filter.design(form), whole
-    return hinf_filter.design(forms[-1][1]), forms[-1][0]
+    if np.any(radii(problem) >= STABLE):
+        raise DesignError(unstable(problem))
+    whole, form = forms[-1]
+    moved, T, seen = in_reach(form)
+    try:
+        return out_of_reach(hinf_filter.design(moved), T, seen), whole
+    except DesignError as error:
+        raise DesignError(unstable(problem) or str(error)) from None
+
+
+def unstable(problem: FilterProblem) -> str:
+    """Why no filter of a plant has a level, where the plant itself is the reason; else nothing."""
+    radius = radii(problem)
+    if np.any(radius >= STABLE):
+        q = int(np.argmax(radius))
+        return (f'hinf-filter: mode "{problem.names[q]}" has an eigenvalue of size {radius[q]:.9g} (found), expected '
+                f"less than 1: a filter of a plant that is not stable by itself has no level. {REMEDY}")
+    margin = stability_margin(conditioned(problem)[0])
+    if -np.inf < margin <= 1e-7:  # the solver took its own tolerance for a solution
+        return ("hinf-filter: the plant itself is not stable under this switching and uncertainty "
+                f"(margin {margin:.1e} of 1), so no filter has a level. {REMEDY}")
+    return ""
 
 
 def propose(problem: FilterProblem, synthesis: str = "slack", loss: float = 0.0, post: bool = False) -> Proposal:
@@ -184,10 +207,8 @@ def certify_proposal(problem: FilterProblem, gains, start: dict) -> tuple[float,
     try:
         return certify_filter(problem, gains, start)
     except CertificateError:
-        margin = stability_margin(conditioned(problem)[0])
-        if -np.inf < margin <= 1e-7:  # the solver took its own tolerance for a solution
-            raise DesignError("hinf-filter: the plant itself is not stable under this switching and uncertainty "
-                              f"(margin {margin:.1e} of 1), so no filter has a level. {REMEDY}") from None
+        if reason := unstable(problem):
+            raise DesignError(reason) from None
         raise
 
 

@@ -3,99 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from difflib import get_close_matches
 
 import numpy as np
 
-from ..algebra.dwell import ratio, shortest
-from ..analysis.detectability import SureFault, limited, surely_detected
+from ..analysis.detectability import surely_detected
 from ..analysis.quick import QuickJudge
-from ..certify.claims import prove, ultimate_width
-from ..certify.freeze import freeze, limits
 from ..designs import Design, claims_of
 from ..errors import CertificateError, DesignError
-from ..observers import FAMILIES, FramerTables, Supervision
+from ..observers import FAMILIES, Supervision
 from ..periods import longest
 from ..plant.model import Plant
 from ..plant.uncertain import is_uncertain
 from ..synthesis import METHODS, check_modes, check_options, known_options
-from ..synthesis.linf import pairwise
 from ..synthesis.problem import Candidate, Problem
 from . import banks, filter_designs, modes, points, polytopes, sliding, trailing
+from .given_gains import fixed_gains
+from .trials import Trial, both_sides, certified, finite
 
 Array = np.ndarray
 WITHIN = 3  # samples after the onset, where the plant file does not say
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A certified candidate and its figures of merit; ``gains`` are those of both framers."""
-
-    method: str
-    candidate: Candidate
-    gains: dict
-    tables: FramerTables
-    cert: dict
-    faults: list[SureFault]
-
-    def threshold(self, scale: Array) -> float:
-        """Largest surely detected fault over the channels, in channel sizes."""
-        return max((f.best / s for f, s in zip(self.faults, scale)), default=np.inf)
-
-    @property
-    def searched(self) -> float:
-        """What the search for the gains found of it, for exact sets; infinite where the design has no such figure."""
-        return getattr(self.candidate, "figures", {}).get("threshold", np.inf)
-
-    @property
-    def needs_dwell(self) -> bool:
-        """The proof holds for slow switching only."""
-        return self.cert["kind"] in ("linf", "hinf") and limited(self.cert) is not None
-
-    def width(self, plant: Plant) -> float:
-        """Ultimate guaranteed width, summed over the states in units of their ranges."""
-        box = ultimate_width(self.cert)
-        if box is None:
-            return np.inf
-        lo, hi = plant.limits("x")
-        return float(np.sum(np.array(box) / np.maximum(hi - lo, 1e-300)))
-
-    def summary(self, plant: Plant) -> dict:
-        """Row of the report's table of what was tried."""
-        return {"method": self.method, "design": self.candidate.label, "level": self.cert.get("level"),
-                "relative_width": finite(self.width(plant)),
-                "surely_detected": [finite(f.best) for f in self.faults], "chosen": False}
-
-
-def finite(x: float) -> float | None:
-    """JSON has no infinity: None stands for it."""
-    return float(x) if np.isfinite(x) else None
-
-
-def certified(plant: Plant, gains: dict, proof: dict, real: str) -> tuple:
-    """Freeze gains on one number type and certify them: tables and certificate.
-
-    Raises
-    ------
-    CertificateError
-    """
-    if gains.get("kind") == "filter":
-        return filter_designs.certified(plant, gains, proof, real)
-    if "kind" in gains:  # of a point observer
-        return points.certified(plant.enclosed, gains, proof, real)
-    modes = plant.observed.modes
-    tables = freeze(FramerTables, modes, limits(plant), gains, real)
-    return tables, prove(modes, tables, proof)
-
-
-def both_sides(c: Candidate, plant: Plant, module=None) -> dict:
-    """The same gains for the upper and the lower framer; ``module`` is the method's."""
-    gains = {"L_hi": c.L, "L_lo": c.L, "N_hi": c.N, "N_lo": c.N}
-    if c.L_theta is not None:
-        gains |= {"L_theta": c.L_theta, "midpoint": plant.reads_both_ends, "late": plant.switching.late,
-                  "columns": [j for j, s in enumerate(plant.theta) if s.measured],
-                  "split": getattr(module, "SPLIT", False)} | ({} if c.R is None else {"R": c.R})
-    return gains
 
 
 def first_certified(plant: Plant, names: list[str], options: dict, progress: Callable[[str], None]) -> Design:
@@ -158,7 +86,8 @@ def choose(plant: Plant, method: str | None, options: dict, progress: Callable[[
     methods = [method] if method else [name for name, m in METHODS.items() if m.automatic]
     for name in methods:
         if name not in METHODS:
-            raise DesignError(f"{plant.name}: observer.method is \"{name}\", expected one of {', '.join(METHODS)}.")
+            raise DesignError(f"{plant.name}: observer.method is \"{name}\", expected one of {', '.join(METHODS)}."
+                              + "".join(f' Did you mean "{near}"?' for near in get_close_matches(name, METHODS, n=1)))
     if method and (reason := METHODS[method].module.inapplicable(plant)) is not None:
         raise DesignError(f'{plant.name}: method "{method}" does not apply: {reason}')
     check_options(plant.name, options, known_options(methods))
@@ -291,73 +220,6 @@ def period_words(plant: Plant, name: str) -> str:
             + (f"The longest period at which one was found is {found:.3g} s: sample at least as fast." if found else
                "None was found at shorter periods either (down to a 65000th): measure another state, or try another "
                "method."))
-
-
-def fixed_gains(plant: Plant, name: str, options: dict, within: int) -> Trial:
-    """Certify gains that the plant file gives (``[observer] gains``): containment, and P where it gives one.
-
-    Raises
-    ------
-    DesignError
-        Wrong shapes.
-    """
-    given = options["gains"]
-    shape = (plant.n_modes, plant.n_x, plant.n_y)
-    varying = is_uncertain(plant)
-    slopes = (plant.n_modes, len(plant.observed.theta), *shape[1:])
-    known = ("L", "N", *(("L_theta",) if varying else ("L_hi", "L_lo", "N_hi", "N_lo", "P", "P_hi", "P_lo")))
-    known = (*known, *["R"] * (options.get("coordinates") == "change"))
-    for key in given:
-        if key not in known:
-            raise DesignError(f"{plant.name}: observer.gains.{key} is unknown, expected one of {', '.join(known)}.")
-    gains = {}
-    for key in ("L_hi", "L_lo", "N_hi", "N_lo"):
-        value = given.get(key, given.get(key[0]))
-        if value is None and key[0] == "N":
-            value = np.zeros(shape)
-        gains[key] = array(plant, key, value, shape)
-    reads_next = METHODS[name].family_for(plant) == "tnl" or not plant.switching.known
-    if np.any([gains["N_hi"], gains["N_lo"]]) and (not reads_next or "R" in known):
-        raise DesignError(f'{plant.name}: observer.gains.N is not zero, but the step of '
-                          + ("framers in other coordinates" if "R" in known else f'method "{name}"')
-                          + ' does not read the measurement of the next sample. Leave N out, or use method '
-                          '"tnl-interval" or "tnl-interval-lpv".')
-    proof = {"kind": "none"}
-    if "lambda" in options and ("P" in given or "P_hi" in given):
-        proof = given_proof(plant, given, options)
-    steps = array(plant, "L_theta", given.get("L_theta", np.zeros(slopes)), slopes) if varying else None
-    R = array(plant, "R", given.get("R"), shape[1:2] * 2) if "R" in known else None
-    c = Candidate("gains of the plant file", gains["L_hi"], gains["N_hi"], proof, steps, R)
-    if R is not None:
-        METHODS[name].module.check_gains(plant, R, c.L)
-    if varying:
-        gains = both_sides(c, plant, METHODS[name].module)
-    tables, cert = certified(plant, gains, proof, plant.target.real)
-    return Trial(name, c, gains, tables, cert, surely_detected(plant, tables, cert, within))
-
-
-def given_proof(plant: Plant, given: dict, options: dict) -> dict:
-    """Proof data from Lyapunov matrices of the plant file, normalised to P >= I."""
-    shape = (plant.n_modes, plant.n_x)
-    P = {s: array(plant, "P_" + s, given.get("P_" + s, given.get("P")), shape) for s in ("hi", "lo")}
-    P = {s: p / min(1.0, p.min()) for s, p in P.items()}
-    rho = max(pairwise(p) for p in P.values())
-    rho = float(np.nextafter(rho, np.inf)) if rho > 1 else 1.0
-    add, drain = ratio(max(1.0, 1.001 * shortest(rho, options["lambda"])))
-    return {"kind": "linf", "lam": options["lambda"], "rho": rho, "P_hi": P["hi"].tolist(), "P_lo": P["lo"].tolist(),
-            "dwell_add": add, "dwell_drain": drain, "chatter": plant.switching.chatter}
-
-
-def array(plant: Plant, key: str, value, shape: tuple[int, ...]) -> Array:
-    """Check and convert gains given by the user."""
-    try:
-        out = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        out = np.empty(0)
-    if out.shape != shape or not np.all(np.isfinite(out)):
-        raise DesignError(f"{plant.name}: observer.gains.{key} has shape {out.shape}, expected {shape} finite numbers "
-                          "(one matrix per mode).")
-    return out
 
 
 def supervision(plant: Plant, cert: dict) -> Supervision:

@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ..algebra.dwell import switching_factor
+from ..algebra.dwell import admitted_jump, switching_factor
 from ..errors import DesignError
 from .detection import signature
 from .point import PointGains, PointJudge, Units, check_open, common_reason, with_jump
@@ -142,7 +142,7 @@ def _searched(problem: Problem, units: Units, options: dict, score, progress) ->
         found = False
         for n, (lam, beta) in enumerate(tries, 1):
             progress(f"{structure}, dwell time {tau:g}, {n} of {len(tries)}: lambda {lam:g}, beta {beta:g}")
-            solved = lmi.solve(lam, beta, float(np.exp(-np.log1p(-lam) * tau * 0.98)))
+            solved = lmi.solve(lam, beta, admitted_jump(lam, 0.98 * tau))
             if solved is not None:
                 found = True
                 yield _package(problem, units, structure, solved, lam, beta, score)
@@ -150,7 +150,7 @@ def _searched(problem: Problem, units: Units, options: dict, score, progress) ->
             return
     for lam in SLOW if declared and "lambda" not in options else ():
         progress(f"{structure}, slow: lambda {lam:g}")
-        solved = lmi.solve(lam, weights[0], float(np.exp(-np.log1p(-lam) * tau * 0.98)))
+        solved = lmi.solve(lam, weights[0], admitted_jump(lam, 0.98 * tau))
         if solved is not None:
             yield _package(problem, units, structure, solved, lam, weights[0], score)
 

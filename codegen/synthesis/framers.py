@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -26,6 +27,10 @@ OPTIONS = {
 }
 
 
+#: What calibrated thresholds alone read.
+CAMPAIGN = ("false_alarm", "confidence", "campaign_steps", "rank")
+
+
 def check_options(where: str, options: dict, known: dict | None = None) -> None:
     """Refuse unknown or impossible options; ``known`` is as ``OPTIONS``, which is the default.
 
@@ -36,19 +41,26 @@ def check_options(where: str, options: dict, known: dict | None = None) -> None:
     known = OPTIONS if known is None else known
     for key, value in options.items():
         if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            advice = f'Did you mean "{near[0]}"?' if near else "Remove it or correct its name."
             raise DesignError(f"{where}: observer.{key} is no option of this method (expected one of "
-                              f"{', '.join(known)}). Remove it or correct its name.")
+                              f"{', '.join(known)}). {advice}")
+        if key in CAMPAIGN and "threshold" in known and options.get("threshold") != "calibrated":
+            raise DesignError(f'{where}: observer.{key} is given, which threshold = "calibrated" alone reads. '
+                              "Remove it, or let the thresholds be calibrated.")
         allowed = known[key]
+        whole = allowed is not dict and all(type(a) is int for a in allowed)
         if allowed is dict:
             good = isinstance(value, dict)
         elif isinstance(allowed[0], str):
             good = value in allowed
         else:
             good = isinstance(value, int | float) and not isinstance(value, bool) and allowed[0] <= value <= allowed[1]
+            good = good and (not whole or value == int(value))
         if not good:
             words = "a table" if allowed is dict else (
                 " or ".join(f'"{a}"' for a in allowed) if isinstance(allowed[0], str)
-                else f"a number from {allowed[0]:g} to {allowed[1]:g}")
+                else f"a {'whole ' * whole}number from {allowed[0]:g} to {allowed[1]:g}")
             raise DesignError(f"{where}: observer.{key} is {value!r}, expected {words}.")
 
 

@@ -141,6 +141,37 @@ def stability_margin(problem: FilterProblem) -> float:
     return float(t.value) if solve(cp.Problem(cp.Maximize(t), constraints)) else -np.inf
 
 
+def heard(problem: FilterProblem, gains, steps: int = 1000) -> Array:
+    """How much of each fault its own estimate gets, while a mode stays: sums of magnitudes of impulse responses.
+
+    Parameters
+    ----------
+    problem : FilterProblem
+    gains : sequence of (A, B, C, D), one per mode
+    steps : int
+        Samples that are followed.
+
+    Returns
+    -------
+    ndarray (N, n_f)
+        About 1, or what the weight of the target has, for an estimate that follows the fault; 0 for one that does not.
+    """
+    out = []
+    for m, gain in zip(problem.modes, gains):
+        move, read = closed_loop(m, gain)
+        k, n_f = len(m.A) + len(gain[0]), len(m.Cz)
+        last = slice(k + m.E.shape[1] - n_f, k + m.E.shape[1])
+        read = read[:, :k + m.E.shape[1]].copy()
+        read[:, :len(m.A)] -= m.Cz
+        read[:, k:] -= m.Fz
+        state, total = move[:, last], np.abs(np.diag(read[:, last]))
+        for _ in range(steps):
+            total = total + np.abs(np.diag(read[:, :k] @ state))
+            state = move[:, :k] @ state
+        out.append(total)
+    return np.array(out)
+
+
 def rounded(gains, real: str) -> list[tuple[Array, ...]]:
     """Gains as the C holds them.
 

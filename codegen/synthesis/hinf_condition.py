@@ -2,6 +2,9 @@
 
 A repeated number commutes with diagonal matrices, a full block with multiples of the identity: ``H D``, ``D^-1 S`` are
 the same uncertainty. D has powers of two, so that multipliers go back to the problem as stated without rounding.
+
+States that move slowly reach other sizes than their declared ranges say; ``in_reach`` measures states and outputs by
+what the unknowns make of them.
 """
 
 from __future__ import annotations
@@ -9,12 +12,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import block_diag, solve_discrete_lyapunov
 
-from .hinf_problem import Block, FilterMode, FilterProblem
+from .hinf_filter import FilterDesign
+from .hinf_problem import Block, FilterMode, FilterProblem, in_coordinates
 
 Array = np.ndarray
 #: Inputs that move nothing by more than this, in units of what is of size one, are left out of a design.
 NOTHING = 1e-9
+#: Size of a state in units of ``in_reach``: with states of size one solvers fail from poles of about 0.995 on.
+SIZE = 8.0
 
 
 def scale_of(block: Block) -> Array:
@@ -81,3 +88,50 @@ def unscaled(multipliers: list[list[dict]], scales: list[list[Array]]) -> list[l
         return {name: (np.array(value) / d[:, None] / d).tolist() for name, value in found.items()}
 
     return [[one(f, d) for f, d in zip(row, own, strict=True)] for row, own in zip(multipliers, scales, strict=True)]
+
+
+def radii(problem: FilterProblem) -> Array:
+    """Spectral radius of every mode (N,)."""
+    return np.array([np.abs(np.linalg.eigvals(m.A)).max() for m in problem.modes])
+
+
+def in_reach(problem: FilterProblem) -> tuple[FilterProblem, Array, Array]:
+    """The same problem with states and outputs in units of what inputs of energy one make of them, powers of two.
+
+    Parameters
+    ----------
+    problem : FilterProblem
+        Its modes stable by themselves (``radii``).
+
+    Returns
+    -------
+    problem : FilterProblem
+    T : ndarray (n_x, n_x)
+        Diagonal: its states are T x.
+    seen : ndarray (n_y,)
+        Units of the outputs.
+    """
+    W = [solve_discrete_lyapunov(m.A, m.E @ m.E.T) for m in problem.modes]
+    y = [np.diag(m.C @ w @ m.C.T + m.F @ m.F.T) for m, w in zip(problem.modes, W)]
+    x, seen = (_power(np.sqrt(np.maximum(np.max(v, axis=0), 0))) for v in ([np.diag(w) for w in W], y))
+    n, T = problem.sizes[0], np.diag(SIZE / x)
+    rows = seen[:, None]
+
+    def moved(m: FilterMode) -> FilterMode:
+        blocks = tuple(replace(b, H=np.vstack([b.H[:n], b.H[n:] / rows])) for b in m.blocks)
+        return replace(m, C=m.C / rows, F=m.F / rows, blocks=blocks)
+
+    problem = in_coordinates(problem, T)
+    return replace(problem, modes=tuple(moved(m) for m in problem.modes)), T, seen
+
+
+def out_of_reach(design: FilterDesign, T: Array, seen: Array) -> FilterDesign:
+    """A design for ``in_reach`` as one for the problem as stated; T and seen are those of it."""
+    both = block_diag(T, np.eye(len(design.gains[0][0])))
+    return replace(design, gains=tuple((A, B / seen, C, D / seen) for A, B, C, D in design.gains),
+                   proof=design.proof | {"P": [both.T @ np.asarray(p) @ both for p in design.proof["P"]]})
+
+
+def _power(size: Array) -> Array:
+    """Powers of two near sizes; 1 for none."""
+    return np.where(size > 0, 2.0 ** np.round(np.log2(np.where(size > 0, size, 1.0))), 1.0)

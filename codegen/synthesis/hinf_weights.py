@@ -53,6 +53,9 @@ def weight(num, den) -> Weight:
         It is not proper or not stable.
     """
     num, den = np.trim_zeros(np.atleast_1d(num), "f"), np.trim_zeros(np.atleast_1d(den), "f")
+    if not len(num):
+        raise DesignError("weight: the numerator is 0 (found), expected a number other than 0: a weight of nothing "
+                          "leaves nothing to estimate or to hold against. Leave it out.")
     if len(num) > len(den) or not len(den):
         raise DesignError(f"weight: numerator of degree {len(num) - 1}, denominator of degree {len(den) - 1} (found), "
                           "expected a proper fraction. Add a pole.")

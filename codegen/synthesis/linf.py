@@ -30,7 +30,7 @@ from collections.abc import Callable, Iterator
 import cvxpy as cp
 import numpy as np
 
-from ..algebra.dwell import ratio, shortest, switching_factor
+from ..algebra.dwell import admitted_jump, ratio, shortest, switching_factor
 from .problem import Candidate, Problem, slopes, smaller, tidy
 
 Array = np.ndarray
@@ -125,10 +125,9 @@ def jump_factors(problem: Problem, lam: float) -> list[tuple[float, tuple[int, i
     still allows a switch at every sample.
     """
     tau = problem.tau if problem.tau is not None else 1.0
-    most = -np.log1p(-lam) * max(tau, 1.0)
     out = []
     for share in (0.1, 0.3, 0.6, 0.9):
-        rho = float(np.exp(share * most))
+        rho = admitted_jump(lam, share * max(tau, 1.0))
         dwell = (1, 1) if problem.tau is None else ratio(max(problem.tau * (1 - 1e-9), 1.0))
         out.append((rho, dwell))
     return out
@@ -171,7 +170,7 @@ def slower(problem: Problem, lmi: LinfProblem, decays, progress) -> Iterator[Can
     """Nothing holds for arbitrary switching: look for the shortest dwell time at which a design exists."""
     for n, lam in enumerate(decays, 1):
         for tau in (1.5, 2, 3, 5, 8, 12, 20, 40, 80):
-            rho = float(np.exp(-np.log1p(-lam) * tau * 0.98))
+            rho = admitted_jump(lam, 0.98 * tau)
             progress(f"linf multiple, shortest dwell time, {n} of {len(decays)}: lambda {lam:g}, {tau:g} samples")
             solved = lmi.solve(lam, rho)
             if solved is not None:

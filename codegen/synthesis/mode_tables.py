@@ -14,6 +14,10 @@ from ..errors import DesignError
 from .mode_period import Parts, Period, Step, exact, magnitude, parts, top
 
 Array = np.ndarray
+#: Largest |A| T: what a switch adds is bounded by e^(|A| T).
+FASTEST = 40.0
+
+
 def coordinates(C: Array, A) -> Array:
     """S with C as its first rows, the rest such that it contracts by itself in every mode, where that can be.
 
@@ -140,6 +144,10 @@ def check(plant, method: str = "mode-set") -> None:
         raise DesignError(f"{plant.name}: {method} needs a continuous plant (found {plant.kind}): the switch falls "
                           "inside a period. State the plant in continuous time.")
     for m in plant.modes:
+        moves = float(np.max(np.abs(m.A).sum(axis=1))) * plant.sample_period
+        if plant.kind == "continuous" and not moves <= FASTEST:
+            raise DesignError(f'{plant.name}: {method} needs a sampling period that the modes do not outrun (mode '
+                              f'"{m.name}" has |A| T = {moves:.3g}, expected at most {FASTEST:g}). Sample faster.')
         if set(m.theta_terms) - {"A", "B"}:
             raise DesignError(f'{plant.name}: {method} needs parameters in A and B alone (mode "{m.name}" has one in '
                               f"{sorted(set(m.theta_terms) - {'A', 'B'})[0]}). Bound it by w or v.")
@@ -201,9 +209,15 @@ def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array
             room = 1 + terms * eps
             out["J_radius"][i, j], out["J_u_radius"][i, j] = error[:, :n] * room, error[:, n:n + n_u] * room
             out["J_reach"][i, j] = (later + error[:, -1]) * room + tiny
+            # Sums of a jump round too; what is kept for those of the mode alone has room for as much as is in them.
+            jump = np.abs(out["J"][i, j]) @ x + np.abs(out["J_u"][i, j]) @ u + np.abs(out["J_shift"][i, j])
+            jump += out["J_radius"][i, j] @ x + out["J_u_radius"][i, j] @ u + out["J_reach"][i, j]
+            base = np.abs(np.column_stack([out[name][j] for name in ("Phi", "Gamma", "shift")])) @ size
+            out["birth"][i, j] += terms * eps * np.maximum(0.3 * jump - 0.7 * base, 0)
     noise = hull(first.Dv, first.v_lo, first.v_hi)
     y = np.abs(S[:plant.n_y]) @ np.max(np.abs(plant.limits("x")), axis=0) + np.max(np.abs(noise), axis=0)
     slack = (n_u + 6) * eps * (y + 3 * np.abs(first.D) @ u) + np.abs(first.D - first.D.astype(real)) @ u + tiny
+    slack = slack * (1 + 2 * (n_u + 6) * eps)  # no noise leaves room for higher orders, or for these roundings
     outward = {"v_lo": noise[0] - slack, "v_hi": noise[1] + slack}
     outward |= {"start_lo": start[0], "start_hi": start[1], "wide_lo": lo, "wide_hi": hi}
     for name, value in outward.items():

@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import minimize
 
+from ..algebra.dwell import admitted_jump
 from .point import PointGains, Units, dwell_of
 from .problem import Problem
 from .refit import refit
@@ -111,4 +112,4 @@ def _most(proof: dict) -> float:
     """Largest jump factor that decay and dwell time of a proof admit."""
     if proof["lam"] == 0:
         return 1.0
-    return float(np.exp(-np.log1p(-proof["lam"]) * proof["dwell_add"] / proof["dwell_drain"] * 0.98))
+    return admitted_jump(proof["lam"], 0.98 * proof["dwell_add"] / proof["dwell_drain"])

@@ -24,6 +24,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from ..algebra.dwell import admitted_jump
 from ..errors import DesignError
 from .fault_direction import FaultDirections, assignable, directions, zeros
 from .point import PointGains, PointJudge, Units, check_open, common_reason, with_jump
@@ -158,7 +159,7 @@ def _rates(lmi: HinfProblem, options: dict, pole) -> list[tuple[float, float]]:
     tau, out = lmi.problem.tau, []
     for alpha in decays:
         for samples in (1.0, 1.5, 2, 3, 4, 5, 6, 8, 12, 20) if tau is None else (max(tau, 1.0),):
-            rho = float(np.exp(-np.log1p(-alpha) * samples * 0.98))
+            rho = admitted_jump(alpha, 0.98 * samples)
             if tau is not None or lmi.stabilisable(pole, alpha, rho):
                 out.append((alpha, rho))
                 break

@@ -37,8 +37,6 @@ PATHS = {"calls": 100_000, "one_step": 100, "one_predict": 100, "refused": 100, 
 OWN_PATHS = {"bank": {"{}_sound": 200, "{}_bridged": 200}}
 IN_PARTS = dict.fromkeys(("sliding", "guided", "guided_point", "guided_filter"), "{}_pair:16")
 
-#: Families without a harness.
-UNPROVED: tuple[str, ...] = ()
 CALLS, LAW_CALLS = ("init", "step", "predict", "reset"), ("law_init", "track", "coast")
 ASSERTS = ("state_is_in_box", "answer_is_whole", "nothing_is_written", "refused")  # functions of the harness
 
@@ -91,10 +89,6 @@ def prove(folder: str | Path) -> ProofResult:
     record = read_record(folder)
     prefix, inputs = record["prefix"], record["n_u"]
     sources = [f"{prefix}.c", f"prove_{prefix}.c"]
-    if record.get("family") in UNPROVED:
-        raise ToolError(f"{folder}: no harness is made for family {record['family']} (found), expected framers, a "
-                        "point or polytopic observer, a filter, a mode estimator or a bank. residua certify, fuzz and "
-                        "validate check it.")
     for name in sources:
         if not (folder / name).is_file():
             raise ToolError(f"{folder / name}: not found. Make the folder again with residua generate.")

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.designs import VARIANTS, stand_in
-from helpers.kept import OTHERS, POINTS, STATED, family_of, first_of_each
+from helpers.kept import KEPT, OTHERS, POINTS, family_of, first_of_each
 from helpers.table_numbers import (
     every_number_of_a_bank,
     every_number_of_a_set,
@@ -42,8 +42,8 @@ from codegen.pipeline import check_assurance
 from codegen.plant.load import gallery_folder, load
 
 GENERATED = Path(__file__).resolve().parents[2] / "generated"
-FOLDERS = [f for f in STATED if f not in POINTS + OTHERS]  # of pairs of framers
-names = pytest.mark.parametrize("folder", first_of_each(STATED), ids=lambda f: f.name)
+FOLDERS = [f for f in KEPT if f not in POINTS + OTHERS]  # of pairs of framers
+names = pytest.mark.parametrize("folder", first_of_each(KEPT), ids=lambda f: f.name)
 
 
 @cache

@@ -12,7 +12,7 @@ from codegen.designs import Design
 from codegen.observers import DrivenObserver, DrivenTables, ModeTables, Supervision
 from codegen.plant.bounded import bounded
 from codegen.plant.load import loads
-from codegen.selection.select import certified
+from codegen.selection.trials import certified
 from codegen.synthesis.driven_tables import joined
 from codegen.synthesis.mode_tables import tables_of
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from codegen.designs import Design
 from codegen.observers import GuidedObserver, GuidedTables, Supervision
-from codegen.selection.select import certified
+from codegen.selection.trials import certified
 from codegen.synthesis.guided_tables import guided
 
 from . import small_sliding

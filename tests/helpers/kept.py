@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 
 from codegen.assurance.claims import OWN as OWN_CLAIMS
-from codegen.observers import FAMILIES
 from codegen.target.gappa import WITHOUT
 
 from .scripts import GENERATED
@@ -34,9 +33,7 @@ def whole(folders: list[Path]) -> list[Path]:
 
 
 POINTS = [f for f in KEPT if json.loads((f / "design.json").read_text())["tables"]["float32"].get("shape")]
-#: Those of families whose assurance is stated, and whose C is therefore read back and proved.
-STATED = [f for f in KEPT if FAMILIES[family_of(f)].stated]
-#: Those of them whose C has margins for rounding.
-ROUNDED = [f for f in STATED if family_of(f) not in WITHOUT]
-#: Those of them that are neither framers nor point observers.
-OTHERS = [f for f in STATED if family_of(f) in OWN_CLAIMS]
+#: Those whose C has margins for rounding.
+ROUNDED = [f for f in KEPT if family_of(f) not in WITHOUT]
+#: Those that are neither framers nor point observers.
+OTHERS = [f for f in KEPT if family_of(f) in OWN_CLAIMS]

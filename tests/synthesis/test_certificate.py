@@ -12,11 +12,10 @@ from exact import GALLERY
 from codegen.certify import claims
 from codegen.certify.claims import check, check_monitor, check_ranges, prove
 from codegen.certify.exact import inverse, rational
-from codegen.certify.freeze import with_offsets
+from codegen.certify.freeze import limits, with_offsets
 from codegen.designs import read_design, recheck
 from codegen.errors import CertificateError, ResiduaError
 from codegen.plant.load import load
-from codegen.selection.select import limits
 
 SIDES = ("hi", "lo")
 KINDS = {"linf": {"criterion": "linf", "lambda": 0.3}, "width": {"criterion": "width", "contraction": 0.3}}

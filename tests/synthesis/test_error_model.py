@@ -11,11 +11,10 @@ from small_plants import LOPSIDED
 from codegen.certify.claims import check, prove
 from codegen.certify.containment import Containment
 from codegen.certify.error_model import ErrorModel
-from codegen.certify.freeze import freeze
+from codegen.certify.freeze import freeze, limits
 from codegen.errors import CertificateError
 from codegen.observers import FramerTables
 from codegen.plant.load import loads
-from codegen.selection.select import limits
 
 # Noise that stays far from zero; A so large that gains of either sign leave A - L C nonnegative.
 FAR = """

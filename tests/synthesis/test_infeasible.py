@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from exact import ExactPlant, feed, in_ranges, inputs, lost, mode_sequence, random_corners
 
-from codegen.certify.freeze import freeze
+from codegen.certify.freeze import freeze, limits
 from codegen.errors import DesignError
 from codegen.observers import FramerTables
 from codegen.plant.load import load, loads
 from codegen.plant.simulate import range_violations, simulate
-from codegen.selection.select import choose, limits
+from codegen.selection.select import choose
 from codegen.synthesis import METHODS
 from codegen.synthesis.problem import Problem
 from codegen.synthesis.structure import best_row, obstruction, unseen_growth
@@ -96,12 +96,16 @@ CASES = {
         'the new input. Use method "interval".'),
     "unknown method": (
         GOOD, "sliding", {},
-        f'base: observer.method is "sliding", expected one of {", ".join(METHODS)}.'),
+        f'base: observer.method is "sliding", expected one of {", ".join(METHODS)}. Did you mean "mode-sliding"?'),
     "unknown option": (
         GOOD, "interval", {"lamda": 0.5},
         "base: observer.lamda is no option of this method (expected one of criterion, lyapunov, lambda, contraction, "
         "sampling, interpolation, design, decay, metzler, coordinates, gain_cap, evaluations, within, gains, modes, "
-        "ages, horizon, restart, gain_limit, weight, slope, blank, window, share). Remove it or correct its name."),
+        "ages, horizon, restart, gain_limit, weight, slope, blank, window, share). Did you mean \"lambda\"?"),
+    "option of calibrated thresholds": (
+        GOOD, "hinf-filter", {"rank": 2},
+        'base: observer.rank is given, which threshold = "calibrated" alone reads. Remove it, or let the thresholds be '
+        "calibrated."),
     "criterion": (
         GOOD, "interval", {"criterion": "best"},
         "base: observer.criterion is 'best', "

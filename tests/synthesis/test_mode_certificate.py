@@ -19,7 +19,7 @@ from helpers.small_modes import PLANTS, TEXT, exact_course, plant, quiet, tables
 import codegen  # noqa: E402
 from codegen.analysis import mode_promise  # noqa: E402
 from codegen.analysis.validate import judge  # noqa: E402
-from codegen.certify import mode_certificate  # noqa: E402
+from codegen.certify import mode_certificate, mode_widths  # noqa: E402
 from codegen.certify.mode_claims import contracted  # noqa: E402
 from codegen.certify.mode_steps import check_enclosure  # noqa: E402
 from codegen.certify.mode_widths import narrowed  # noqa: E402
@@ -74,6 +74,17 @@ def test_rounding_is_in_the_boxes():
 SHRUNK = {"reach": 0.5, "birth": 0.9, "J_radius": 0.7, "J_u_radius": 0.5, "J_reach": 0.5, "v_lo": 0.999, "v_hi": 0.999,
           "x_room": 0.1, "start_hi": 0.999, "wide_lo": 0.999, "limit": 0.2, "Phi": 1.001, "Gamma": 0.999, "J": 1.01,
           "J_shift": 0.9, "S_inverse": 1.001, "D": 1.01, "S": 1.01}
+
+
+def test_far_ranges_are_rounded_for():
+    """Ranges a thousand times the true ones, where what sums lose is as large as the noise; the check sees it all."""
+    far = loads(TEXT.replace("range = [-2.5, 2]", "range = [-2500, 2000]").replace("D  = [[0.1]]\n", ""))
+    t = tables_of(ModeTables, far, 3, "float32")
+    check_enclosure(far, t)
+    with pytest.raises(CertificateError, match="birth"):
+        check_enclosure(far, replace(t, birth=t.birth * np.float32(0.8)))
+    with pytest.raises(CertificateError, match="does not hold"):
+        check_enclosure(far, replace(t, v_lo=t.v_lo * np.float32(0.999)))
 
 
 @pytest.mark.parametrize("name", SHRUNK)
@@ -142,13 +153,19 @@ def test_design_reads_back_and_tampering_is_seen(tmp_path):
     ("minimum_dwell = 1", "", "expected switching.minimum_dwell"),
     ("minimum_dwell = 1", "minimum_dwell = 0.06", "less than two samples"),
     ('{ name = "level", range = [-3, 3] }', '{ name = "level" }', 'range of "level" in signals.y'),
-    ('method = "mode-set"', 'method = "mode-set"\nages = 40', "observer.ages is 40, expected a number from 1 to 31"),
+    ('method = "mode-set"', 'method = "mode-set"\nages = 40', "ages is 40, expected a whole number from 1 to 31"),
+    ('method = "mode-set"', 'method = "mode-set"\nages = 3.5', "ages is 3.5, expected a whole number from 1 to 31"),
+    ("A = [[-2, 1], [0, -3]]", "A = [[-2, 1], [0, -3e6]]", r'mode "open" has \|A\| T = 1.5e\+05, expected at most 40'),
     ('method = "mode-set"', 'method = "mode-set"\norder = 3', "observer.order is no option of this method"),
+    ('method = "mode-set"', 'method = "mode-set"\nhorizn = 9', 'Did you mean "horizon"'),
+    ('method = "mode-set"', 'method = "mode-sett"', 'Did you mean "mode-set"'),
+    ("range = [0.5, 2]", "range = [-2, 2]", "modes (open|shut) and (open|shut) cannot be told apart"),
+    ("[30.25,", "[58.25,", "samples 58.25 to 60 are 1.75 .expected 20 at least, switching.minimum_dwell"),
     ('method = "mode-set"', 'method = "tnl-interval-lpv"', "D is not zero"),
     ('method = "mode-set"', 'method = "tnl-interval"', "the plant is continuous")])
 def test_refusals(old, new, words):
     text = TEXT.replace(old, new).replace("30.25", "30").replace("60.5", "60")
-    with pytest.raises(DesignError, match=words):
+    with pytest.raises((DesignError, CertificateError, PlantError), match=words):
         codegen.design(loads(text))
 
 
@@ -160,6 +177,37 @@ def test_what_cannot_be_certified(old, new, words):
     with pytest.raises(CertificateError, match=words):
         codegen.design(loads(TEXT.replace(old, new).replace("A = [[-2, 1], [1, -4]]", "A = [[-2, 1], [0, -3]]")
                              if "B" in old else TEXT.replace(old, new)))
+
+
+@pytest.mark.parametrize("real", ["float32", "float64"])
+@pytest.mark.parametrize("name", PLANTS)
+def test_no_noise_leaves_room_for_rounding(name, real):
+    """An end of the noise that is zero has no rounding of its own to hide in."""
+    still = quiet(plant(name))
+    check_enclosure(still, tables_of(ModeTables, still, AGES, real))
+
+
+@pytest.mark.parametrize("dwell, period, samples", [
+    (0.3, 0.1, 3), (0.15, 0.005, 30), (0.7, 0.1, 7), (0.2999999999, 0.1, 2), (np.float64(0.6), np.float64(0.2), 3)])
+def test_a_dwell_time_is_as_long_as_it_is_written(dwell, period, samples):
+    """A switch a hair before the oldest age would lose the truth."""
+    p = plant()
+    p = replace(p, sample_period=period, switching=replace(p.switching, average_dwell=dwell))
+    assert mode_certificate.dwell_samples(p) == samples
+
+
+def test_widths_after_a_long_dwell_time():
+    """They stand still long before; walking on would take minutes."""
+    t, calls = tables("one input", AGES, "float32"), []
+
+    def counted(*args):
+        calls.append(args)
+        return narrowed(*args)
+
+    widths = (t.wide_hi - t.wide_lo).astype(float)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mode_widths, "narrowed", counted)
+        assert np.array_equal(contracted(t, widths, 0, 100000), contracted(t, widths, 0, 2000)) and len(calls) < 3000
 
 
 # ---------------------------------------------------------------------------------------------- scenarios, promises

@@ -14,12 +14,11 @@ from exact import false_alarms
 from test_late import alone
 from test_soundness_varying import Q, Runs, feed, missed, nearest, simulate
 
-from codegen.certify.freeze import freeze
+from codegen.certify.freeze import freeze, limits
 from codegen.observers import FramerTables
 from codegen.pipeline import design as make
 from codegen.plant.load import gallery_names, load
 from codegen.plant.simulate import told
-from codegen.selection.select import limits
 from codegen.synthesis import METHODS
 
 

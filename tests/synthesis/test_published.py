@@ -15,12 +15,12 @@ import pytest
 from codegen.algebra.dwell import shortest
 from codegen.analysis.adjoint import ResidualModel
 from codegen.analysis.detectability import along
-from codegen.certify.freeze import freeze
+from codegen.certify.freeze import freeze, limits
 from codegen.errors import CertificateError
 from codegen.observers import FramerTables
 from codegen.observers.framer import propagate, residuals
 from codegen.plant.load import load
-from codegen.selection.select import choose, limits
+from codegen.selection.select import choose
 from codegen.synthesis.linf import LinfProblem, gamma, pairwise
 from codegen.synthesis.problem import Problem
 from codegen.synthesis.width import WidthProblem

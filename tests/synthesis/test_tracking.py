@@ -17,7 +17,7 @@ from codegen.errors import CertificateError, DesignError
 from codegen.observers.feedback import CUT_INTEGRAL, Tracker
 from codegen.plant.descriptor import Implicit, truth
 from codegen.plant.load import load, loads
-from codegen.selection import tracking_designs
+from codegen.selection import tracking_claims, tracking_task
 from codegen.synthesis import METHODS, tracking
 from codegen.synthesis.descriptor_problem import Scaling, problem_of, scaled
 from codegen.synthesis.tracking import Speed
@@ -118,7 +118,7 @@ def test_why_a_plant_cannot_be_tracked():
     ({"track": {"roll": 0.1}, "decay": 9.0}, "less than observer.fastest")])
 def test_options_are_checked(options, words):
     with pytest.raises(DesignError, match=words):
-        tracking_designs.task_of(PLANT, options)
+        tracking_task.task_of(PLANT, options)
 
 
 def test_peaks_bound_every_run_and_are_sharp():
@@ -155,7 +155,7 @@ def tampered(change):
     """Check the float32 design with something changed in its plant, tables or certificate."""
     design = designed()
     plant, t, cert = change(design.plant, design.observer.tables["float32"], design.certificate["float32"])
-    return tracking_designs.check(plant, t, cert)
+    return tracking_claims.check(plant, t, cert)
 
 
 def of_law(**fields):

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from helpers.tools import need
 
+from codegen.plant.load import load
+
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from benchmarks import bound, cases, measure, ours, run, sets, table, whole  # noqa: E402
+from benchmarks import bound, cases, measure, ours, run, sets, synthesis, table, whole  # noqa: E402
 from benchmarks.rivals import RIVALS  # noqa: E402
 
 NAMES = ("casadi_sx", "loop_fixed", "sympy_c")
@@ -53,6 +55,16 @@ def test_a_wrong_coefficient_is_told_and_nothing_is_measured(tools, tmp_path, mo
     with pytest.raises(measure.Disagreement) as told:
         measure.measure(case, changed, target, "-O2", tmp_path, time=False)
     assert f"{wrong} by" in str(told.value) and str(told.value).count(" by ") == 1
+
+
+def test_where_a_design_spends_its_time():
+    """Every part that is timed is there by that name and takes some time; afterwards it is the function that it was."""
+    parts = [(place, name, getattr(place, name)) for of in synthesis.PARTS.values() for place, name in of]
+    row = synthesis.measure(load("zammali_fd"), "interval")
+    assert row.tried >= row.certified > 0 and row.outcome
+    assert all(getattr(row, column) > 0 for column in synthesis.PARTS if column != "search")
+    assert all(getattr(place, name) is old for place, name, old in parts)
+    assert "| zammali_fd |" in synthesis.table([row])
 
 
 def test_bound_counted_by_hand():

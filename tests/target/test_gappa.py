@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
-from helpers.kept import OTHERS, POINTS, ROUNDED, STATED, family_of
+from helpers.kept import KEPT, OTHERS, POINTS, ROUNDED, family_of
 from helpers.scripts import GENERATED
 from helpers.tools import need
 
@@ -97,7 +97,7 @@ def test_every_kept_design_is_confirmed(folder, real, tmp_path):
 
 def test_a_family_without_margins_says_so(tmp_path, monkeypatch):
     """Of calibrated thresholds there is no margin to prove: no script is printed, and the command says why."""
-    folder = next(f for f in STATED if f not in ROUNDED)
+    folder = next(f for f in KEPT if f not in ROUNDED)
     assert not list(folder.glob("*.g")) and not any(name.endswith(".g") for name in files(
         read_design(folder), measure=False))
     assert "calibrated on the arithmetic of the C itself" in nothing_to_prove(folder)

@@ -8,7 +8,7 @@ import pytest
 from helpers import driven, follower, small_banks, small_modes
 from helpers.designs import GUARDED, stand_in
 from helpers.folders import write
-from helpers.kept import OTHERS, POINTS, STATED, family_of, first_of_each
+from helpers.kept import KEPT, OTHERS, POINTS, family_of, first_of_each
 from helpers.scripts import prefix_of
 from helpers.solved import stand_in as two_pivots
 from helpers.tools import need
@@ -18,8 +18,7 @@ from codegen.emit.harness import harness
 from codegen.emit.render import render
 from codegen.emit.view import build
 from codegen.errors import ToolError, ValidationError
-from codegen.observers import FAMILIES
-from codegen.target.prove import UNPROVED, judge, prove, require
+from codegen.target.prove import judge, prove, require
 
 SMALL = {"sizes": (2, 2, 1, 2), "supervision": GUARDED}
 # Layouts and types take turns in both families; one with a clamp, one with a debounce of any window.
@@ -36,7 +35,7 @@ def rewrite(folder, name, pattern, text, count=1):
 
 
 #: One of each family, and the box that holds noise of its own sample.
-ONES = [*first_of_each(STATED), *(f for f in STATED if f.name == "zammali_box_ellipsoid")]
+ONES = [*first_of_each(KEPT), *(f for f in KEPT if f.name == "zammali_box_ellipsoid")]
 
 
 @pytest.mark.parametrize("folder", ONES, ids=lambda f: f.name)
@@ -272,12 +271,3 @@ def test_what_is_missing_is_named(tmp_path, monkeypatch):
     (folder / "prove_cart.c").unlink()
     with pytest.raises(ToolError, match="prove_cart.c: not found"):
         prove(folder)
-
-
-def test_a_family_without_a_harness_says_so(tmp_path, monkeypatch):
-    """A new one may have none for a while."""
-    assert set(UNPROVED) == {name for name, family in FAMILIES.items() if not family.stated}
-    monkeypatch.setattr("codegen.target.prove.UNPROVED", ("new",))
-    (tmp_path / "resources.json").write_text('{"prefix": "a", "n_u": 0, "family": "new"}')
-    with pytest.raises(ToolError, match="no harness is made for family new"):
-        prove(tmp_path)

@@ -11,18 +11,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from codegen.analysis.calibration import (
-    Calibration,
-    Population,
-    calibrate,
-    campaign,
-    confidence,
-    fault_free_runs,
-    largest_values,
-    losses,
-    pattern,
-    runs_needed,
-)
+from codegen.analysis.calibration import Population, campaign, fault_free_runs, losses, pattern
+from codegen.analysis.order_statistics import Calibration, calibrate, confidence, largest_values, runs_needed
 from codegen.errors import PlantError
 from codegen.plant.load import load
 

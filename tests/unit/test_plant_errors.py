@@ -7,7 +7,6 @@ import pytest
 
 from codegen.errors import PlantError
 from codegen.plant.load import load, loads, starter
-from codegen.plant.objects import plant_from
 
 VALID = """
 format = 1
@@ -226,6 +225,9 @@ EDITS = [
     ("average_dwell = 0.05", "", ["switching.chatter: is 2", "no average_dwell", "Add average_dwell"]),
     ("chatter = 2", "chatter = 0.5", ["switching.chatter: is 0.5", ">= 1"]),
     ("average_dwell = 0.05", "average_dwell = -1", ["switching.average_dwell: is -1", "> 0"]),
+    ("average_dwell = 0.05", "average_dwell = 1e9", ["switching.average_dwell: is 1e+09 s, 1e+11 samples",
+                                                     "at most 100000", "State a shorter one"]),
+    ("known = true", "known = false\nlate = true", ["switching.late: is true", "nobody tells", "Leave one"]),
     ("known = true", 'known = true\nlate = "yes"', ['switching.late: is "yes"', "true or false"]),
     ("known = true", 'known = "yes"', ['switching.known: is "yes"', "true or false"]),
     ('method = "tnl-interval"', "method = 3", ["observer.method: is 3", "expected a string", "quotes"]),
@@ -372,28 +374,3 @@ def test_a_name_near_a_gallery_plant_is_suggested():
 def test_the_starter_refuses_a_bad_name():
     with pytest.raises(PlantError, match='name: is "a b"'):
         starter("a b")
-
-
-class _System:
-    A, B, C, D, dt = [[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.1
-
-
-@pytest.mark.parametrize(
-    "system, arguments, fragment",
-    [
-        (object(), {}, "object has no A (expected a state-space object)"),
-        ([], {}, "system: is an empty list"),
-        (_System(), {"w": [(-1, 1)]}, "modes.only.Bw is missing"),
-        (_System(), {"w": [(1, -1)], "Bw": [[1]]}, "signals.w.w1.bounds: is the wrong way round"),
-        (_System(), {"sample_period": 0.2}, "sample_period: is 0.2, but the system has dt = 0.1"),
-        (_System(), {"modes": ["a", "b"]}, "modes: has 2 names, expected 1"),
-        ([_System(), _System()], {"Bw": [[[1]]], "w": [(0, 1)]}, "Bw: has 1 matrices, expected 2"),
-        (_System(), {"Dv": [[1], [1, 2]], "v": [(0, 1)]}, "Dv: holds no numbers, or rows of unequal length"),
-        (_System(), {"x": [(-0.5, 0.5)]}, "the box of x1 leaves its range"),
-    ],
-)
-def test_mistakes_in_plant_from(system, arguments, fragment):
-    with pytest.raises(PlantError) as caught:
-        plant_from(system, x0=([-1], [1]), **arguments)
-    assert str(caught.value).startswith("plant_from: ")
-    assert fragment in str(caught.value)

@@ -272,3 +272,28 @@ def _row_gains(row, spanned, most, z):
     a_ub = np.vstack([spanned.T @ split, -(spanned @ z) @ split])
     b_ub = np.append(row, most - row @ z)
     return scipy.optimize.linprog(np.ones(2 * n), A_ub=a_ub, b_ub=b_ub)
+
+
+class _System:
+    A, B, C, D, dt = [[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.1
+
+
+@pytest.mark.parametrize(
+    "system, arguments, fragment",
+    [
+        (object(), {}, "object has no A (expected a state-space object)"),
+        ([], {}, "system: is an empty list"),
+        (_System(), {"w": [(-1, 1)]}, "modes.only.Bw is missing"),
+        (_System(), {"w": [(1, -1)], "Bw": [[1]]}, "signals.w.w1.bounds: is the wrong way round"),
+        (_System(), {"sample_period": 0.2}, "sample_period: is 0.2, but the system has dt = 0.1"),
+        (_System(), {"modes": ["a", "b"]}, "modes: has 2 names, expected 1"),
+        ([_System(), _System()], {"Bw": [[[1]]], "w": [(0, 1)]}, "Bw: has 1 matrices, expected 2"),
+        (_System(), {"Dv": [[1], [1, 2]], "v": [(0, 1)]}, "Dv: holds no numbers, or rows of unequal length"),
+        (_System(), {"x": [(-0.5, 0.5)]}, "the box of x1 leaves its range"),
+    ],
+)
+def test_mistakes_in_plant_from(system, arguments, fragment):
+    with pytest.raises(PlantError) as caught:
+        plant_from(system, x0=([-1], [1]), **arguments)
+    assert str(caught.value).startswith("plant_from: ")
+    assert fragment in str(caught.value)
