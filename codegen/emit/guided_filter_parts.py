@@ -10,7 +10,7 @@ from .families import Word, state_layout
 from .layouts import lay_out
 from .manual import Bit, Channel
 from .maps import Names, Table
-from .parts import Field, Operations, Parts, Size, vector_table
+from .parts import Field, Operations, Parts, vector_table
 from .sliding_parts import SlidingView
 
 
@@ -61,16 +61,11 @@ def parts(t, s, names: Names, signals: tuple, layout: str, faults: tuple[Channel
     out[4:4] = [Field(real, name, f"[{m}_NF]", (note,)) for name, note in (
         ("f_hat", "estimates of the faults in out->mode; 0 after predict"),
         ("f_bound", "largest magnitude of f_hat without a fault while out->mode is right; 0 after predict"))]
-    sizes = (Size("NS", f"{len(own.limit)}U", "states of a filter"), Size("NF", f"{len(faults)}U", "faults"),
-             Size("ANYWHERE", f"{own.anywhere}U", "s->told_stage of a filter that goes on from anywhere"),
-             Size("STAGES", f"{own.anywhere + 1}U", "ways to start"),
-             Size("ROWS", f"{own.h.shape[1]}U", "rows of thresholds after a start; the last holds for ever"),
-             Size("LAST", f"{own.last}U", "s->told_since once the last row holds"))
     view = GuidedFilterView(
-        **vars(estimator.sets[0]) | {"sizes": (*estimator.sets[0].sizes, *sizes)}, faults=faults,
+        **vars(estimator.sets[0]) | {"sizes": (*estimator.sets[0].sizes, *trailing_parts.sizes(own))}, faults=faults,
         thresholds=trailing_parts.thresholds(own, m), told_limit=vector_table("limit", f"{m}_NS", own.limit, t.real),
         begun=Table("begun", f"[{m}_MODES][{m}_NS]", (), tuple(f"{initialiser(row, t.real)}," for row in t.begun)),
-        row=f"(s->told_since >> {own.shift}U)" if own.shift else "s->told_since")
+        row=trailing_parts.row(own, "s->told_since"))
     count = 2 * t.sizes[0] * t.sizes[1] + 2 * t.sizes[1] + len(kept)
     multiply, add, compare = (int(x) for x in sum(v.operations for v in views))
     return replace(estimator, header="guided_filter.h.jinja", self_test="harness/test_guided_filter.c.jinja",

@@ -100,18 +100,27 @@ def _view(mode: ModeView, t, names: Names, faults: tuple[Channel, ...], count: i
 
     begin = (table("E", f"[{m}_MODES][{m}_NS][{m}_NX]", t.E), table("largest", f"[{m}_SIZES][{m}_NX]", t.sizes),
              vector_table("least", f"{m}_NX", t.x_lo, real), vector_table("most", f"{m}_NX", t.x_hi, real))
-    sizes = (Size("NS", f"{len(t.limit)}U", "states of a filter"), Size("NF", f"{len(faults)}U", "faults"),
-             Size("NXI", f"{count}U", "states of the filters of all modes"),
-             Size("SIZES", f"{t.anywhere}U", "sizes of a box from which a filter starts, the largest first"),
-             Size("ANYWHERE", f"{t.anywhere}U", "s->told_stage of a filter that goes on from anywhere"),
-             Size("STAGES", f"{t.anywhere + 1}U", "ways to start"),
-             Size("ROWS", f"{t.h.shape[1]}U", "rows of thresholds after a start; the last holds for ever"),
-             Size("LAST", f"{t.last}U", "s->told_since once the last row holds"))
+    own = (Size("NXI", f"{count}U", "states of the filters of all modes"),
+           Size("SIZES", f"{t.anywhere}U", "sizes of a box from which a filter starts, the largest first"))
     return TrailingView(
-        **vars(mode) | {"sizes": (*mode.sizes, *sizes)}, faults=faults, thresholds=thresholds(t, m),
+        **vars(mode) | {"sizes": (*mode.sizes, *sizes(t, own))}, faults=faults, thresholds=thresholds(t, m),
         told_limit=vector_table("limit", f"{m}_NS", t.limit, real), begin=begin, middle=literal(0.5, real),
         grow=literal(t.grow, real), floor=literal(t.floor, real),
-        row=f"(s->told_since[q] >> {t.shift}U)" if t.shift else "s->told_since[q]", stays=stays)
+        row=row(t, "s->told_since[q]"), stays=stays)
+
+
+def sizes(told, more: tuple[Size, ...] = ()) -> tuple[Size, ...]:
+    """Sizes of filters that start at run time; ``more`` behind those of a filter."""
+    return (Size("NS", f"{len(told.limit)}U", "states of a filter"), Size("NF", f"{told.K.shape[1]}U", "faults"), *more,
+            Size("ANYWHERE", f"{told.anywhere}U", "s->told_stage of a filter that goes on from anywhere"),
+            Size("STAGES", f"{told.anywhere + 1}U", "ways to start"),
+            Size("ROWS", f"{told.h.shape[1]}U", "rows of thresholds after a start; the last holds for ever"),
+            Size("LAST", f"{told.last}U", "s->told_since once the last row holds"))
+
+
+def row(told, since: str) -> str:
+    """The row of the thresholds that counts, so many samples since the start."""
+    return f"({since} >> {told.shift}U)" if told.shift else since
 
 
 def thresholds(told, macro: str) -> Table:
