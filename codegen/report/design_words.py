@@ -259,7 +259,7 @@ def _not_guaranteed(design, real: str) -> tuple[str, ...]:
              "That a fault is found, of whatever size. It may be, or may not.",
              *(_FILTER_LIMITS if is_filter(design, real) else polytopic_words.LIMITS if is_polytopic(design, real)
                else (*sliding_words.not_guaranteed(design.certificate[real]),
-                     *trailing_words.LIMITS[1:2] * is_guided_filter(design)) if unproved
+                     *trailing_words.LIMITS[1:2] * is_guided_filter(design)) if is_unproved(design, real)
                else bank_words.LIMITS if is_bank(design, real)
                else trailing_words.LIMITS if is_trailing(design, real) else _limits(design, point)),
              *["Detection of faults that drift slowly or act together: the thresholds are for one step on one channel, "
