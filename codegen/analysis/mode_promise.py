@@ -110,7 +110,7 @@ def late(kind: str, cert: dict, truth, trace, settled: Array) -> int:
     return found
 
 
-def due(kind: str, names: tuple[str, ...], cert: dict, truth, trace, settled: Array) -> list[tuple[int, dict]]:
+def due(kind: str, names: tuple[str, ...], cert: dict, truth, trace, settled: Array, inside=True) -> list:
     """Steps of a fault of which the certificate says that they leave no mode possible.
 
     Parameters
@@ -119,6 +119,8 @@ def due(kind: str, names: tuple[str, ...], cert: dict, truth, trace, settled: Ar
         As of ``late``.
     names : tuple of str
         Channels of the faults.
+    inside : ndarray (K,) bool
+        Where x is within its declared range.
 
     Returns
     -------
@@ -126,20 +128,37 @@ def due(kind: str, names: tuple[str, ...], cert: dict, truth, trace, settled: Ar
         First sample of the step, and the promise.
     """
     q, found = acting(kind, truth.q), []
-    whole = (trace.status == 0) & ~np.isnan(trace.r_lo).any(axis=1)
+    whole = (trace.status == 0) & ~np.isnan(trace.r_lo).any(axis=1) & inside
     edges = np.concatenate([[0], np.flatnonzero(np.diff(q)) + 1])
     for promise in cert.get("faults", ()):
         f, others = truth.f[:, names.index(promise["channel"])], np.delete(truth.f, names.index(promise["channel"]), 1)
         for k in np.flatnonzero((f[1:] != 0) & (f[:-1] == 0)) + 1:
             end = k + promise["within"] + 1
             calm = k - edges[edges <= k][-1] > promise["after"] and end < len(q) and np.all(q[k:end + 1] == q[k])
-            step = np.all(f[k:end] == f[k]) and abs(f[k]) >= promise["size"] and not np.any(others[k:end])
-            if calm and step and settled[:k].all() and whole[:end].all():
+            step = np.all(f[k:end] == f[k]) and promise["size"] <= abs(f[k]) <= promise.get("upto", np.inf)
+            if calm and step and not np.any(others[k:end]) and settled[:k].all() and whole[:end].all():
                 found.append((int(k), promise))
     return found
 
 
-def missed(kind: str, names: tuple[str, ...], cert: dict, truth, trace, settled: Array) -> int:
+def missed(kind: str, names: tuple[str, ...], cert: dict, truth, trace, settled: Array, inside=True) -> int:
     """How many of the steps that are ``due`` left a mode possible; the parameters are the same."""
     return sum(not np.any(trace.raw_bits[k:k + promise["within"] + 1])
-               for k, promise in due(kind, names, cert, truth, trace, settled))
+               for k, promise in due(kind, names, cert, truth, trace, settled, inside))
+
+
+def within_range(plant, truth) -> Array:
+    """Samples at which x is within its declared range.
+
+    Parameters
+    ----------
+    plant : Plant
+    truth : PlantTrace
+
+    Returns
+    -------
+    ndarray (K,) bool
+        Where x is not known, it counts as that.
+    """
+    lo, hi = plant.limits("x")
+    return ~np.any((truth.x < lo) | (truth.x > hi), axis=1)

@@ -16,7 +16,8 @@ from ..observers import Trace
 from ..observers.supervisor import BAD_INPUT, BAD_MODE, BAD_PARAMETER
 from ..plant.model import Plant, PlantTrace, Scenario
 from ..plant.simulate import simulate
-from .mode_promise import dropped, keeps_the_true_mode, late, missed, unbound, understated
+from . import promised
+from .mode_promise import dropped, keeps_the_true_mode, late, missed, unbound, understated, within_range
 from .steering import Steering, steered
 from .steering import names as names_of
 
@@ -183,7 +184,7 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
     plant = design.plant
     law = getattr(next(iter(design.observer.tables.values())), "law", None)  # every number type has it
     loops = names_of(plant) if law is not None else []
-    known = [s.name for s in plant.scenarios] + loops
+    known = [s.name for s in plant.scenarios] + loops + promised.names(design)
     for name in names or ():
         if name not in known:
             raise PlantError(f'{plant.name}: scenario "{name}" (found), expected '
@@ -193,9 +194,17 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
     for scenario in scenarios:
         progress(f'scenario "{scenario.name}"')
         truths.append(simulate(plant, scenario, seed=seed))
-    if not truths:
-        return _steered(design, driver, loops, names, seed, progress)
-    progress(f"driving {len(truths)} scenarios, {max(len(t.q) for t in truths)} samples at most")
+    out = []
+    if truths:
+        progress(f"driving {len(truths)} scenarios, {max(len(t.q) for t in truths)} samples at most")
+        out += _judged(design, driver, scenarios, truths, design.certificate[driver.real])
+    out += _steered(design, driver, loops, names, seed, progress)
+    return out + _promised(design, driver, names, seed, progress)
+
+
+def _judged(design, driver, scenarios: list[Scenario], truths: list[PlantTrace], cert: dict) -> list[Outcome]:
+    """Runs on the compiled C and on the reference, held against a certificate."""
+    plant = design.plant
     u, y, q, theta = side_by_side(truths)
     traces, references = (driver.run_many(u, y, q, theta=theta),
                           design.observer.run_many(u, y, q, driver.real, theta=theta))
@@ -204,16 +213,33 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
         own = (i, slice(len(truth.q)))
         trace = traces.row(own)
         outcome = judge(plant, scenario, truth, trace, trace.differs(references.row(own)))
-        cert = design.certificate[driver.real]
         if not design.observer.supervision.assures and (cert["kind"] != "sliding" or "told" in cert):  # its alarms are
             outcome = replace(outcome, false_alarms=0, chance=outcome.false_alarms)
         if cert["kind"] == "mode":
             wrong = late(plant.kind, cert, truth, trace, outcome.settled)
-            channels = tuple(f.name for f in plant.f)
-            wrong += missed(plant.kind, channels, cert, truth, trace, outcome.settled)
+            channels, inside = tuple(f.name for f in plant.f), within_range(plant, truth)
+            wrong += missed(plant.kind, channels, cert, truth, trace, outcome.settled, inside)
             outcome = replace(outcome, late=wrong)
         out.append(outcome)
-    return out + _steered(design, driver, loops, names, seed, progress)
+    return out
+
+
+def _promised(design, driver, names: list[str] | None, seed: int, progress) -> list[Outcome]:
+    """One outcome per promise of a fault: the run of it that was found last, with what went wrong in all of them."""
+    out = []
+    for name in promised.names(design):
+        promise = promised.of(design.certificate[driver.real], name)
+        if promise is None or names and name not in names:
+            continue
+        progress(f'scenario "{name}"')
+        scenarios = promised.trials(design.plant, promise)
+        truths = [simulate(design.plant, scenario, seed=seed) for scenario in scenarios]
+        cert = design.certificate[driver.real] | {"faults": [promise]}
+        runs = _judged(design, driver, scenarios, truths, cert)
+        worst = max(runs, key=lambda o: (not o.passed, *(np.inf if e.delay is None else e.delay for e in o.episodes)))
+        counts = {name: sum(getattr(o, name) for o in runs) for name in ("lost", "false_alarms", "late")}
+        out.append(replace(worst, **counts, differences=sorted({d for o in runs for d in o.differences})))
+    return out
 
 
 def _steered(design, driver, loops: list[str], names: list[str] | None, seed: int, progress) -> list[Outcome]:

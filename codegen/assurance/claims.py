@@ -276,7 +276,7 @@ def _detection(design, t, cert, real) -> list[Claim]:
         text = none if size is None else (
             f"a step of the fault {channel} of {size:.6g}{' ' + unit if unit else ''} or more raises an alarm "
             f"{_when(old['by_delay'].index(size))}")
-        conditional = t.vary is not None and acts_on_state(design.plant, channel)
+        conditional = t.vary is not None and design.plant.acts_on_state(channel)
         courses = "admissible mode sequence" if design.plant.polytope is None else "course of the weights"
         out.append(Claim(f"detection-{channel}", text, (*PLANT, "Bf", "Df", "signals.f", *_timed(design)),
                          f"For every {courses}, disturbance and noise, some {seen} leaves its bounds"
@@ -287,12 +287,6 @@ def _detection(design, t, cert, real) -> list[Claim]:
                          _code(surely_detected), constants, (),
                          ("detection", "read-back", "validation")))
     return out
-
-
-def acts_on_state(plant, channel: str) -> bool:
-    """Whether a fault channel reaches the state."""
-    j = [f.name for f in plant.f].index(channel)
-    return any(m.Bf[:, j].any() for m in plant.modes)
 
 
 def _when(delay: int) -> str:

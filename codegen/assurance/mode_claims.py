@@ -94,13 +94,17 @@ def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple)
             [stated("restart", "delay after an alarm beyond the proved one"),
              stated("calm", "samples until all holds again beyond the proved ones")], constants=(*BOXES, "v", "wide"))
     for f in cert.get("faults", ()):
+        acts = design.plant.acts_on_state(f["channel"])
+        unread = acts and design.plant.theta and design.plant.kind == "continuous"  # by the checker that is independent
         yield f'a step of the fault "{f["channel"]}"', claim(
-            f"found-{f['channel']}", "What is possible a sample after the fault came would have lived through it: "
-            "the largest fault with which the true mode, or a child of it, can is a linear program.",
+            f"found-{f['channel']}" + (f"-{f['within']}" if f["within"] > 1 else ""),
+            "What is possible so many samples after the fault came would have lived through it: the largest fault with "
+            "which the true mode, or a child of it, can is a linear program; no wrong child lives to the oldest age.",
             "size > y' b + max over the box of (f - y' A z), y >= 0, for the program A z <= b of every story with a "
-            "fault f on y", [Margin("samples of the promise beyond those of the proof", fmpq(
+            f"constant fault f on y{' and S x' if acts else ''}, 0 <= f <= the largest size, either sign",
+            [Margin("samples of the promise beyond those of the proof", fmpq(
                 f["after"] - cert["dwell"] - cert["quiet"]))],
-            "codegen.certify.mode_faults.surely_found", (*BOXES, "v"), (*hidden, "validation"))
+            "codegen.certify.mode_faults.surely_found", (*BOXES, "v"), (*(unseen if unread else hidden), "validation"))
 
 
 def ranges(design, t, cert: dict, build: type, checks: tuple):

@@ -45,7 +45,8 @@ def segments(columns: Array, box: Array, scale: Array) -> Array:
     every = np.concatenate([columns, diagonal], axis=1)
     size = np.linalg.norm(np.array([[float(x) for x in row] for row in every]) / scale[:, None], axis=0)
     used = [j for j in range(every.shape[1]) if np.any(every[:, j] != 0)]
-    weight = [Q(max(float(size[j]), 1e-12 * float(size.max()))) for j in used]
+    least = 1e-12 * float(size.max()) or 1.0  # where squares are below the numbers of floats; any weight will do
+    weight = [Q(max(float(size[j]), least)) for j in used]
     total = sum(weight, fmpq(0))
     out = diagonal * 0
     for j, w in zip(used, weight):

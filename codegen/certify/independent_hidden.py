@@ -1,9 +1,10 @@
-"""How large a step of a sensor must be to leave no mode of a mode estimator possible, checked again.
+"""How large a step of a fault must be to leave no mode of a mode estimator possible, checked again.
 
 Standard library only, nothing of residua imported; exact fractions. The stories are those of ``independent_delays.py``
-with a fault f on y from sample 0 on. What is alive a sample later must have taken it for its own: the true mode, or a
-wrong child that was alive at sample -1 or is born since; none of them comes of age meanwhile. Of each, multipliers of
-design.json bound the largest f with which it can live, of either sign.
+with a constant fault f from sample 0 on, which acts on y there and on the state over every period that follows. What is
+alive some samples later must have taken it for its own: the true mode, or a wrong child that it gave birth to while it
+lived, since a fault-free child could be alive at the fault's first sample. No child lives until it has the oldest age.
+Of each, multipliers of design.json bound the largest f with which it can live, of either sign.
 """
 
 import sys
@@ -11,16 +12,19 @@ from fractions import Fraction as F  # noqa: N817 - on every line
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
-from independent import demand, number  # noqa: E402 - stands beside this file
-from independent_story import Stories, minus  # noqa: E402
+from independent import demand, exact, number  # noqa: E402 - stands beside this file
+from independent_period import LOSS, exponential  # noqa: E402
+from independent_sets import times  # noqa: E402
+from independent_story import Stories, minus, total  # noqa: E402
 
 
 class FaultStories(Stories):
-    """Stories with a step of y from sample 0 on, of f times a direction, 0 <= f <= top."""
+    """Stories of one true mode with a fault f from sample 0 on, 0 <= f <= top: f ``seen`` on y, f ``pushed`` on xi."""
 
-    def __init__(self, t, ranges, widths, direction, top):
-        super().__init__(t, ranges, widths, [abs(d) * top for d in direction])
-        self.direction, self.top, self.at = [[d] for d in direction], top, None
+    def __init__(self, t, ranges, widths, seen, pushed, room, top):
+        super().__init__(t, ranges, widths, [abs(d) * top for d in seen])
+        self.seen, self.pushed, self.room = [[d] for d in seen], [[d] for d in pushed], [room * top] * len(pushed)
+        self.top, self.at = top, None
 
     def measured(self, k, now, lo, hi):
         """Rows of y less the truth and the fault."""
@@ -31,48 +35,80 @@ class FaultStories(Stories):
             self.at = len(lo)
             lo.append(F(0))
             hi.append(self.top)
-        return [(above[0] + [(minus(self.direction), self.at)], above[1]),
-                (below[0] + [(self.direction, self.at)], below[1])]
+        return [(above[0] + [(minus(self.seen), self.at)], above[1]),
+                (below[0] + [(self.seen, self.at)], below[1])]
+
+    def truth(self, story, k, a, b):
+        """Rows of the true state, which the fault pushes."""
+        above, below = super().truth(story, k, a, b)
+        if k < 0 or not any(map(any, self.pushed)):
+            return [above, below]
+        return [(above[0] + [(minus(self.pushed), self.at)], total(above[1], self.room)),
+                (below[0] + [(self.pushed, self.at)], total(below[1], self.room))]
 
 
-def column(plant, f):
-    """What one unit of a fault does to y, in every mode alike; it does nothing to x."""
-    names = {k: F(repr(float(v))) for k, v in plant.get("constants", {}).items()}
-    j, common = [s["name"] for s in plant["signals"]["f"]].index(f["channel"]), plant.get("common", {})
-    modes = plant.get("mode", [{}])
-    acts = [[row[j] for row in m.get("Bf", common.get("Bf", []))] for m in modes]
-    seen = [[number(row[j], names) for row in m.get("Df", common.get("Df", []))] for m in modes]
-    demand(not any(number(e, names) for some in acts for e in some), f"{f['channel']} acts on the state")
-    demand(seen[0] and all(c == seen[0] for c in seen), f"{f['channel']} acts on y alike in all modes")
-    return j, seen[0], max(abs(F(float(b))) for b in plant["signals"]["f"][j]["range"])
+def columns(plant, j, S):
+    """What one unit of a fault does in every mode to y and to xi, the latter within a room; None: that is not known."""
+    names, common = {k: F(repr(float(v))) for k, v in plant.get("constants", {}).items()}, plant.get("common", {})
+    out = []
+    for m in plant.get("mode", [{}]):
+        acts, seen = ([number(row[j], names) for row in m.get(k, common.get(k, []))] for k in ("Bf", "Df"))
+        acts, seen, room = acts or [F(0)] * len(S), seen or [F(0)] * len(plant["signals"]["y"]), F(0)
+        if any(acts) and plant["time"]["kind"] == "continuous":
+            if "theta" in plant["signals"]:
+                return None
+            A = [[number(e, names) for e in row] for row in m.get("A", common.get("A"))]
+            whole = exponential([[*row, b] for row, b in zip(A, acts)] + [[F(0)] * (len(S) + 1)],
+                                F(float(plant["time"]["sample_period"])))
+            acts, room = [row[-1] for row in whole[:-1]], LOSS
+        out.append((seen, times(S, acts), room))
+    return out
 
 
 def check_faults(delays, plant):
-    """All sizes that the certificate tells; how many."""
-    cert, t = delays.cert, delays.t
+    """All sizes that the certificate tells; whether that is known here."""
+    cert, t, names = delays.cert, delays.t, [s["name"] for s in plant["signals"]["f"]]
+    demand(cert["quiet"] <= cert["ages"], "a child may come of age while a fault begins")
     for f in cert["faults"]:
-        j, direction, top = column(plant, f)
-        demand(f["within"] == 1 and f["after"] >= cert["dwell"] + cert["quiet"], f"when {f['channel']} is found")
-        demand(cert["quiet"] + 1 <= cert["ages"], "a child may come of age while a fault acts")
-        for sign, name in ((1, f"fault{j}+"), (-1, f"fault{j}-")):
-            delays.courses[name] = FaultStories(t, delays.ranges, delays.courses["settled"].widths,
-                                                [sign * d for d in direction], top)
-            for q in delays.modes:
-                stories = [(q, q, q, None, None, "settled")] + [
-                    (q, q, m, born, None, "settled") for m in delays.modes if m != q
-                    for born in range(-1 - cert["quiet"], 1)]
-                for story in stories:
-                    check_story(delays, name, story, F(f["size"]), f["channel"])
-    return len(cert["faults"])
+        j, of = names.index(f["channel"]), f["channel"]
+        acts, ends = columns(plant, j, exact(t["S"])), plant["signals"]["f"][j]["range"]
+        if acts is None:
+            return False
+        demand(f["within"] >= 1 and f["after"] >= cert["dwell"] + cert["quiet"], f"when {of} is found")
+        name = f"fault{j}" if f["within"] == 1 else f"fault{j}@{f['within']}"
+        for sign, end in ((1, F(float(ends[1]))), (-1, -F(float(ends[0])))):
+            top = min(end, F(f["upto"])) if "upto" in f else end
+            for q, (seen, pushed, room) in enumerate(acts if top > 0 else ()):
+                course = name + ("+" if sign > 0 else "-")
+                delays.courses[course] = FaultStories(t, delays.ranges, delays.courses["settled"].widths, [
+                    sign * d for d in seen], [sign * d for d in pushed], room, top)
+                check_mode(delays, course, q, f)
+    return True
 
 
-def check_story(delays, name, story, size, channel):
-    """One hypothesis: dead with any fault, or with those of a size."""
+def check_mode(delays, course, q, f):
+    """Every hypothesis that may be alive at the end while mode q stays."""
+    size, within, of = F(f["size"]), f["within"], f["channel"]
+    own = [(last, dies(delays, course, (q, q, q, None, None, "settled"), last, size)) for last in range(within + 1)]
+    demand(any(found is not None for _, found in own), f"nothing bounds the fault of {of} that mode {q} may take")
+    dead = next((last for last, found in own if found), None)
+    demand(dead is not None, f"mode {q} may live with a fault of {of} of {f['size']:.6g}")
+    for born in range(-delays.cert["quiet"], dead):
+        last = min(within, born + 1 + delays.cert["ages"])
+        for m in (m for m in delays.modes if m != q):
+            story = q, q, m, born, None, "settled"
+            found = dies(delays, course, story, last, size)
+            demand(found is not None, f"nothing bounds the fault of {of} that {story} may take for its own")
+            demand(found, f"{story} may live with a fault of {of} of {f['size']:.6g}")
+
+
+def dies(delays, course, story, last, size):
+    """Whether multipliers show that a hypothesis is dead, with any fault or with larger ones; None: there are none."""
     first = -1 if story[3] is None else min(-1, story[3])
-    given = {of: words for a, b, of, words in delays.words.get((name, story), ()) if (a, b) == (first, 1)}
-    demand(given, f"nothing bounds the fault of {channel} that {story} may take for its own")
-    stories, program = delays.courses[name], delays.program(name, story, first, 1)
-    for of, words in given.items():
-        cost = {stories.at: F(1)} if of else {}
-        bound = stories.bound(program, delays.read(words), cost)
-        demand(bound <= size if of else bound < 0, f"{story} may live with a fault of {channel} of {float(bound):.6g}")
+    found = None
+    for a, b, of, words in delays.words.get((course, story), ()):
+        if (a, b) == (first, last):
+            stories, program = delays.courses[course], delays.program(course, story, first, last)
+            bound = stories.bound(program, delays.read(words), {stories.at: F(1)} if of else {})
+            found = (bound <= size if of else bound < 0) or bool(found)
+    return found

@@ -7,6 +7,7 @@ no solution, by witnesses in rational numbers, and constants that hold the plant
 from __future__ import annotations
 
 from dataclasses import replace
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from fractions import Fraction
 
 import numpy as np
@@ -15,7 +16,7 @@ from ..errors import CertificateError
 from . import mode_witness
 from .claims import digest
 from .mode_claims import Claims, ModeDelays
-from .mode_faults import surely_found
+from .mode_faults import label, surely_found
 from .mode_steps import check_enclosure
 
 Array = np.ndarray
@@ -36,7 +37,7 @@ def square(n_modes: int, values: dict) -> list[list[int]]:
 
 
 def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | None = None,
-          restart: bool = False) -> tuple:
+          restart: bool = False, asked: int | list[dict] = 1) -> tuple:
     """Certify tables, with the oldest age that they have or the least that will do.
 
     Parameters
@@ -51,6 +52,9 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
         Where to begin the search for the widths, such as those of the other number type.
     restart : bool
         What holds after an alarm or a reset is certified too; it takes more ages.
+    asked : int or list of dict
+        Samples within which faults have to be found at the latest (0: none is promised to be), or promises to look for,
+        such as those of the other number type.
 
     Returns
     -------
@@ -81,8 +85,9 @@ def prove(plant, t, horizon: int, oldest: int | None = None, widths: Array | Non
             **({"switches": "at samples"} if plant.kind == "discrete" else {})}
     kept: dict = {}
     proved(plant, t, cert, kept)
-    faults = found_faults(plant, t, cert, kept)
-    sizes = {f"fault{[s.name for s in plant.f].index(f['channel'])}": f["size"] for f in faults}
+    faults = found_faults(plant, t, cert, asked, kept)
+    names = [s.name for s in plant.f]
+    sizes = {label(names.index(f["channel"]), f["within"]): f["size"] for f in faults}
     return t, cert | ({"faults": faults} if faults else {}) | {
         "witnesses": mode_witness.stated(kept, found.widths, sizes)}
 
@@ -96,20 +101,41 @@ def claims_on(plant, t, cert: dict, kept: dict | None = None) -> Claims:
 FRAMERS = ("told", "S_rounded", "xi_room")
 #: Delays by what they follow from: a folder's design is proved more than once in one run.
 _KNOWN: dict[str, ModeDelays] = {}
+#: Samples within which a fault may be found that are looked at, besides the most that are asked for.
+SAMPLES = (1, 3)
 #: Faults that are surely found, alike.
 _FOUND: dict[str, list] = {}
 
 
-def found_faults(plant, t, cert: dict, kept: dict | None = None) -> list[dict]:
-    """Steps of sensors that leave no mode possible, anew from the widths of a certificate (``mode_faults``)."""
+def found_faults(plant, t, cert: dict, asked: int | list[dict], kept: dict | None = None) -> list[dict]:
+    """Steps of faults that leave no mode possible, anew from the widths of a certificate (``mode_faults``).
+
+    Parameters
+    ----------
+    plant, t, cert, kept
+        As of ``proved``.
+    asked : int or list of dict
+        As of ``prove``.
+
+    Returns
+    -------
+    list of dict
+    """
     claims, own = claims_on(plant, t, cert, kept), {k: v for k, v in t.to_dict().items() if k not in FRAMERS}
-    acting = [[m.Df.tolist(), m.Bf.tolist()] for m in plant.modes], [[f.name, f.lo, f.hi] for f in plant.f]
-    key = digest(own, [cert["widths"], cert["quiet"], cert["dwell"]], [side.tolist() for side in (
+    if isinstance(asked, int):
+        samples = [n for n in SAMPLES if n < asked] + [asked] * (asked > 0)
+        asked = [(f.name, n, np.inf) for f in plant.f for n in samples]
+        better = True
+    else:
+        asked, better = [(f["channel"], f["within"], f.get("upto", np.inf)) for f in asked], False
+    acting = [[getattr(m, n).tolist() for n in ("Df", "Bf", "A")] for m in plant.modes], [
+        [f.name, f.lo, f.hi] for f in plant.f]
+    key = digest(own, [cert["widths"], cert["quiet"], cert["dwell"], asked, better], [side.tolist() for side in (
         *claims.x, *claims.u)], acting)
     if key not in _FOUND or kept is not None:
         if len(_FOUND) >= 32:
             _FOUND.clear()
-        _FOUND[key] = surely_found(plant, claims, np.array(cert["widths"]), cert["quiet"])
+        _FOUND[key] = surely_found(plant, claims, np.array(cert["widths"]), cert["quiet"], asked, better)
     return _FOUND[key]
 
 
@@ -169,10 +195,10 @@ def check(plant, t, cert: dict) -> list[str]:
         if fresh is None or cert[name] is None or cert[name] < fresh:
             raise CertificateError(f"certificate: {name} is {cert[name]} samples, only {fresh} proved.")
     if cert.get("faults"):
-        fresh = {f["channel"]: f for f in found_faults(plant, t, cert)}
+        fresh = {(f["channel"], f["within"]): f for f in found_faults(plant, t, cert, cert["faults"])}
         for f in cert["faults"]:
-            of = fresh.get(f["channel"], {"size": np.inf, "within": 0, "after": 0})
-            if f["size"] < of["size"] or f["within"] < of["within"] or f["after"] < of["after"]:
+            of = fresh.get((f["channel"], f["within"]), {"size": np.inf, "after": 0})
+            if f["size"] < of["size"] or f["after"] < of["after"] or f.get("upto", np.inf) > of.get("upto", np.inf):
                 raise CertificateError(f"certificate: the fault {f['channel']} is claimed to be found from "
                                        f"{f['size']:.6g} on, only {of['size']:.6g} is proved.")
     return sentences(plant, t, cert)
@@ -189,11 +215,7 @@ def sentences(plant, t, cert: dict) -> list[str]:
         "after a reset, and after an alarm from the second sample without one on, mode is right after "
         f"{time(cert['restart'])} at the latest, and after {time(cert['calm'])} all that is said of switches holds "
         "again, if neither a switch nor a fault comes before that"]
-    seen = [
-        f'a step of the fault "{f["channel"]}" of {f["size"]:.6g} or more, either way, leaves no mode possible within '
-        f"{time(f['within'])} of its first one, if it begins {time(f['after'])} or more after power-up and the last "
-        "switch, no alarm came before, the mode stays, and measurements are neither missing nor refused"
-        for f in cert.get("faults", ())]
+    seen = [_seen(plant, f, time) for f in cert.get("faults", ())]
     pairs = [(i, j) for i in range(len(names)) for j in range(len(names)) if i != j]
     anywhere = "at any instant" if plant.kind == "continuous" else (
         "at any sample (a mode that acts from a sample on is in the set at the next one)")
@@ -211,3 +233,20 @@ def sentences(plant, t, cert: dict) -> list[str]:
         f"a wrong mode that is taken up while the mode stays is out of mode_set within {time(cert['quiet'])}; the "
         f"oldest age {t.ages} is beyond that", *after, *seen,
     ]
+
+
+def _seen(plant, f: dict, time) -> str:
+    """What is promised of a fault."""
+    size = f"{_six(f['size'], ROUND_CEILING)} or more"
+    size += f" and {_six(f['upto'], ROUND_FLOOR)} or less" if "upto" in f else ""
+    lasts = " it lasts that long," if f["within"] > 1 else ""
+    inside = " x stays within its range," if plant.acts_on_state(f["channel"]) else ""
+    return (f'a step of the fault "{f["channel"]}" of {size}, either way, leaves no mode possible within '
+            f"{time(f['within'])} of its first one, if{lasts} it begins {time(f['after'])} or more after power-up and "
+            f"the last switch, no alarm came before, the mode stays,{inside} and measurements are neither missing nor "
+            "refused")
+
+
+def _six(x: float, rounding: str) -> str:
+    """Six digits, rounded so that what is said holds."""
+    return f"{float(Context(prec=6, rounding=rounding).create_decimal_from_float(x)):.6g}"

@@ -327,6 +327,16 @@ class Plant:
         signals = getattr(self, vector)
         return np.array([s.lo for s in signals]), np.array([s.hi for s in signals])
 
+    def acts_on_state(self, channel: str) -> bool:
+        """Whether a fault reaches the state of a mode.
+
+        Parameters
+        ----------
+        channel : str
+        """
+        j = [f.name for f in self.f].index(channel)
+        return any(m.Bf[:, j].any() for m in self.modes)
+
     def estimated(self, count: int) -> tuple[Signal, ...]:
         """Return what an estimate of so many entries is of: the states, then the faults.
 

@@ -71,18 +71,21 @@ def detection(design, real: str) -> Table:
     Table
     """
     plant, cert = design.plant, design.certificate[real]
-    sure, T, rows = {f["channel"]: f for f in cert.get("faults", ())}, plant.sample_period, []
+    sure, T, rows = cert.get("faults", ()), plant.sample_period, []
     for signal in plant.f:
-        own, size, when, after = sure.get(signal.name), Cell("no size is promised", "num warn"), words.NONE, words.NONE
-        if own:
-            size = Cell(words.quantity(words.at_most(own["size"]), signal.unit), "num")
-            when, after = words.within(own["within"], T), words.delay(own["after"], T)
-        rows.append((signal.name, words.interval(signal.lo, signal.hi, signal.unit), size, when, after))
-    held = ("A step of this size or more, of either sign, leaves no mode possible within this time, if it begins so "
-            "long after power-up and the last switch, the mode stays, no alarm came before and no measurement is "
-            "missing.")
+        name = signal.name, words.interval(signal.lo, signal.hi, signal.unit)
+        own = [f for f in sure if f["channel"] == signal.name]
+        for f in own:
+            size = words.at_most(f["size"]) + (f" to {words.at_least(f['upto'])}" if "upto" in f else "")
+            size = Cell(words.quantity(size, signal.unit), "num")
+            rows.append((*name, size, words.within(f["within"], T), words.delay(f["after"], T)))
+        if not own:
+            rows.append((*name, Cell("no size is promised", "num warn"), words.NONE, words.NONE))
+    held = ("A step of this size or more (or between these sizes), of either sign, leaves no mode possible within this "
+            "time, if it lasts as long, begins so long after power-up and the last switch, the mode stays, no alarm "
+            "came before, no measurement is missing and x is within its range.")
     notes = [held] * bool(sure)
-    if len(sure) < plant.n_f:
+    if len({f["channel"] for f in sure}) < plant.n_f:
         notes.append("Where no size is promised a fault may pass for a change of the mode, or for a decision that is "
                      "not right; it is often found all the same.")
     head = ("fault", "declared range", "#size", "#found", "#earliest, after a switch")

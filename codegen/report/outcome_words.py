@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..analysis.mode_promise import due
+from ..analysis.mode_promise import due, within_range
 from ..analysis.validate import Episode, Outcome
 from . import words
 from .design_words import (
@@ -126,7 +126,8 @@ def _leaves_no_mode(design, real: str, outcome: Outcome, e: Episode) -> tuple[in
     if size is None:
         return None, "no size is promised"
     cert, channels = design.certificate[real], tuple(f.name for f in design.plant.f)
-    for k, sure in due(design.plant.kind, channels, cert, outcome.truth, outcome.trace, outcome.settled):
+    inside = within_range(design.plant, outcome.truth)
+    for k, sure in due(design.plant.kind, channels, cert, outcome.truth, outcome.trace, outcome.settled, inside):
         if k == e.start and sure["channel"] == e.channel:
             return sure["within"], ""
     if abs(outcome.truth.f[e.start, channels.index(e.channel)]) < size:

@@ -18,7 +18,7 @@ from ..synthesis.fault_filter import copies, stated, with_copy
 from ..synthesis.hinf_analysis import closed_loop, heard
 from . import filter_calibration
 from .filter_tables import frozen
-from .filters import certify_proposal, propose
+from .filters import certify_proposal, propose, unstable
 
 SYNTHESES = ("slack", "projection")
 #: An estimate that gets less than this of its fault, in its range, is deaf to it.
@@ -63,16 +63,20 @@ def proposed(plant: Plant, options: dict, progress: Callable[[str], None], switc
                  f"{proposal.claimed:.5g}")
     deaf = heard(problem, proposal.gains) < DEAF
     if np.all(deaf):
-        raise DesignError(
-            f"{plant.name}: no filter does better than one whose estimate is 0 at every sample (found: the level "
-            f"{proposal.claimed:.4g}, less than {100 * DEAF:g} % of any fault in its estimate), expected one that "
-            "follows a fault. Where faults act a sample late or are fast, estimate their slow part: observer.target = "
-            "{ num = [0.1], den = [1, -0.9] }. Else measure more, declare fewer faults, or narrow the bounds of w and "
-            "v beside the range of f.")
+        raise DesignError(unstable(problem) or nothing_heard(plant, proposal.claimed))
     missed = [f'"{plant.f[j].name}" in mode "{plant.modes[q].name}"' for q, j in np.argwhere(deaf)]
     if missed:
         progress(f"{synthesis}: the estimate gets next to nothing of fault {', '.join(missed)}")
     return {"kind": "filter", "proposal": proposal, "missed": missed}
+
+
+def nothing_heard(plant: Plant, level: float) -> str:
+    """What to do where no fault is in any estimate."""
+    return (f"{plant.name}: no filter does better than one whose estimate is 0 at every sample (found: the level "
+            f"{level:.4g}, less than {100 * DEAF:g} % of any fault in its estimate), expected one that follows a "
+            "fault. Where faults act a sample late or are fast, estimate their slow part: observer.target = "
+            "{ num = [0.1], den = [1, -0.9] }. Else measure more, declare fewer faults, or narrow the bounds of w and "
+            "v beside the range of f.")
 
 
 def under(problem, switching):

@@ -12,6 +12,7 @@ from ..certify.exact import Q, up
 from ..certify.switched_gain import check_gain
 from ..errors import CertificateError, DesignError
 from ..synthesis import hinf_filter, hinf_projection
+from ..synthesis.fault_filter import STABLE
 from ..synthesis.hinf_analysis import balanced, level_of, rounded, stability_margin
 from ..synthesis.hinf_condition import conditioned, in_reach, is_skewed, out_of_reach, radii, unscaled
 from ..synthesis.hinf_filter import REMEDY, FilterDesign
@@ -21,8 +22,6 @@ from ..synthesis.hinf_weights import post_scaling, scaled
 
 #: Room given to the exact check, in scaled coordinates; the smallest that passes is kept.
 MARGINS = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5)
-#: Eigenvalues are stable below this: a double one at 1 comes out up to 1e-8 off.
-STABLE = 1 - 1e-7
 
 
 @dataclass(frozen=True)
@@ -148,14 +147,11 @@ def designed(problem: FilterProblem) -> tuple[FilterDesign, FilterProblem]:
     for whole, form in forms:
         with suppress(DesignError):
             return hinf_filter.design(form), whole
-    if np.any(radii(problem) >= STABLE):
-        raise DesignError(unstable(problem))
+    if reason := unstable(problem):
+        raise DesignError(reason)
     whole, form = forms[-1]
     moved, T, seen = in_reach(form)
-    try:
-        return out_of_reach(hinf_filter.design(moved), T, seen), whole
-    except DesignError as error:
-        raise DesignError(unstable(problem) or str(error)) from None
+    return out_of_reach(hinf_filter.design(moved), T, seen), whole
 
 
 def unstable(problem: FilterProblem) -> str:

@@ -14,12 +14,15 @@ from ..plant.model import Plant
 from ..synthesis import METHODS
 from ..synthesis.driven_tables import joined
 from ..synthesis.follower_tables import following
-from ..synthesis.mode_set import HORIZON, OLDEST
+from ..synthesis.mode_set import FOUND_WITHIN, HORIZON, OLDEST
 from ..synthesis.mode_tables import tables_of
 
 
-def certified(plant: Plant, options: dict, real: str, ages: int | None, widths=None) -> tuple[ModeTables, dict]:
+def certified(plant: Plant, options: dict, real: str, ages: int | None, widths=None,
+              faults: list[dict] | None = None) -> tuple[ModeTables, dict]:
     """Tables of one number type and their certificate; ``ages`` None: the least oldest age that will do.
+
+    ``faults`` are the promises to look for where they are known of the other number type.
 
     Raises
     ------
@@ -29,7 +32,8 @@ def certified(plant: Plant, options: dict, real: str, ages: int | None, widths=N
     most = min(OLDEST, max(mode_certificate.dwell_samples(plant) - 1, 1))
     t = tables_of(ModeTables, plant, most if ages is None else ages, real)
     return mode_certificate.prove(plant, t, int(options.get("horizon", HORIZON)), most if ages is None else None,
-                                  widths, options.get("restart") == "certified")
+                                  widths, options.get("restart") == "certified",
+                                  int(options.get("found_within", FOUND_WITHIN)) if faults is None else faults)
 
 
 def designed(plant: Plant, name: str, options: dict, progress: Callable[[str], None]) -> Design:
@@ -80,7 +84,7 @@ def both(plant: Plant, options: dict, progress: Callable[[str], None]) -> tuple[
     other = "float64" if wanted == "float32" else "float32"
     progress(f"delays of every pair of modes ({other})")
     with suppress(CertificateError):  # the other number type may be too coarse; generate says so when asked for it
-        tables[other], certs[other] = certified(plant, options, other, t.ages, cert["widths"])
+        tables[other], certs[other] = certified(plant, options, other, t.ages, cert["widths"], cert.get("faults", []))
     return tables, certs
 
 

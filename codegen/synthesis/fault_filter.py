@@ -30,6 +30,8 @@ from .hinf_problem import Block, FilterProblem, in_coordinates, problem_of, unme
 from .hinf_weights import Weight, weight, weighted
 
 Array = np.ndarray
+#: Eigenvalues are stable below this: a double one at 1 comes out up to 1e-8 off.
+STABLE = 1 - 1e-7
 #: Options of ``[observer]``, with what they may be.
 OPTIONS = {"synthesis": ("slack", "projection"), "target": dict, "colour": dict, "order_loss": (0.0, 1.0),
            "post_scaling": ("none", "steady"), "inputs": ("copy", "filtered"), "set_rows": (4, 400), "within": (0, 50),
@@ -62,6 +64,20 @@ def inapplicable(plant) -> str | None:
         if set(mode.theta_terms) - {"A", "B"} and any(np.any(b != s) for b, s in zip(plant.theta_box(mode), (-1, 1))):
             return (f'a matrix of mode "{mode.name}" other than A and B depends on a parameter whose bounds are not '
                     "[-1, 1] (found), expected these: then nothing is rounded. Scale its factors.")
+    return unstable_reason(plant)
+
+
+def unstable_reason(plant) -> str | None:
+    """Which mode is not stable by itself, whatever the parameters; None if there is none."""
+    for mode in plant.modes:
+        if "A" in mode.theta_terms:
+            continue
+        values = np.linalg.eigvals(mode.A)
+        size = np.max(np.abs(np.exp(values * plant.sample_period) if plant.kind == "continuous" else values))
+        if size >= STABLE:
+            return (f'mode "{mode.name}" has an eigenvalue of size {size:.9g} a sample (found), expected less than 1: '
+                    "a filter of a plant that is not stable by itself has no level. Stabilise it, or use an observer "
+                    'such as "tnl-interval".')
     return None
 
 

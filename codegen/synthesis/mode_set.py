@@ -19,11 +19,12 @@ from __future__ import annotations
 from ..errors import DesignError
 from .mode_tables import check
 
-#: Options of ``[observer]``: oldest age, samples after which two modes count as not to be told apart, and whether what
-#: holds after an alarm or a reset is certified too.
-OPTIONS = {"ages": (1, 31), "horizon": (4, 400), "restart": ("open", "certified")}
+#: Options of ``[observer]``: oldest age, samples after which two modes count as not to be told apart, whether what
+#: holds after an alarm or a reset is certified too, and samples within which faults are to be found at the latest.
+OPTIONS = {"ages": (1, 31), "horizon": (4, 400), "restart": ("open", "certified"), "found_within": (0, 60)}
 #: Where the plant file says nothing.
 HORIZON = 60
+FOUND_WITHIN = 10
 OLDEST = 31
 
 

@@ -31,6 +31,8 @@ Differences from the printed design:
 
 from __future__ import annotations
 
+import warnings
+
 import cvxpy as cp
 import numpy as np
 
@@ -132,7 +134,9 @@ def theorem12(A, C: Array, limit: float, weight: float = 0.5, corrected: bool = 
 def _solved(problem: cp.Problem) -> bool:
     """Whether the solver came back with numbers; they are judged exactly afterwards."""
     try:
-        problem.solve(solver=cp.CLARABEL)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            problem.solve(solver=cp.CLARABEL)
     except cp.error.SolverError:
         return False
     return problem.status in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE)

@@ -199,6 +199,10 @@ def common_reason(plant) -> str | None:
         return 'the mode is told late, expected at its own sample. Use method "tnl-interval-lpv".'
     if plant.n_y == 0:
         return "the plant has no output, expected at least one measured signal in signals.y."
+    if plant.kind == "discrete" and "gains" not in plant.options and not any(
+            np.any(m.Bw * (m.w_hi - m.w_lo)) or np.any(m.Dv * (m.v_hi - m.v_lo)) for m in plant.modes):
+        return ("nothing disturbs the plant (all bounds of w and v are single points), expected an interval for one: "
+                "the gains weigh noise against disturbance. State one, however small, or give gains of your own.")
     for vector in ("x", "u", "y"):
         for signal in getattr(plant, vector):
             if not (np.isfinite(signal.lo) and np.isfinite(signal.hi)):

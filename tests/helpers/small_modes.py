@@ -176,14 +176,14 @@ def exact_course(p, ages: int, steps: int, seed: int, side: int = 0) -> Exact:
                     due = due + (ages + 1) + arb(float(step))
                 now = p.modes[mode]
                 w = [end(ends) for ends in zip(now.w_lo, now.w_hi)]
-                x = _moved(now, x, u, w, theta, (b - a) * T if p.kind == "continuous" else None)
+                x = moved(now, x, u, w, theta, (b - a) * T if p.kind == "continuous" else None)
         return Exact(*(np.array(part, dtype=object if i == 0 else None) for i, part in enumerate(
             (out.x, out.u, out.y, out.q, out.theta))))
     finally:
         ctx.prec = before
 
 
-def _moved(m, x: list, u: Array, w: list, theta: list, t: arb | None) -> list:
+def moved(m, x: list, u: Array, w: list, theta: list, t: arb | None) -> list:
     """Exact solution of x' = A(theta) x + B(theta) u + Bw w; without a time of x+ = the same."""
     n = len(x)
     A, B = ([[sum((arb(float(S[i][k])) * arb(p) for S, p in zip(m.theta_terms.get(name, ()), theta)),

@@ -31,3 +31,11 @@ def test_gains_per_pair_of_modes_would_gain_nothing(case):
     if case[0]:
         others = [bound(f) for f in ((0.8, 1), (1.25, 1), (1, 0.8), (1, 1.25), (0.8, 0.8), (1.25, 1.25))]
         assert min(others) > own * 1.0005 and max(others) > own * 1.1
+
+
+def test_pairs_of_the_projections_belong_together():
+    """[R I; I S] >= 0, which is not printed: at the least level nothing else sees to it."""
+    problem = farhat(False, True)
+    _, R, S = hinf_projection.eliminated(problem, [hinf_projection.Extended(m, []) for m in problem.modes])
+    unit = np.eye(problem.sizes[0])
+    assert min(np.linalg.eigvalsh(np.block([[r, unit], [unit, s]]))[0] for r, s in zip(R, S)) > -1e-6

@@ -9,16 +9,21 @@ import numpy as np
 import pytest
 
 from codegen.algebra.template_set import least_kept
+from codegen.certify import filter_bounds
+from codegen.certify.filter_model import joint
 from codegen.errors import DesignError
+from codegen.observers import FilterObserver, FilterTables, Supervision
 from codegen.pipeline import design
 from codegen.plant.load import loads
 from codegen.report import filter_words
-from codegen.selection import filter_designs
+from codegen.selection import filter_designs, filter_tables
+from codegen.synthesis.fault_filter import inapplicable
 from codegen.synthesis.hinf_analysis import heard
 from codegen.synthesis.hinf_condition import in_reach, out_of_reach
 from codegen.synthesis.hinf_filter import design as solver_design
 from codegen.synthesis.hinf_weights import scaled
 from tests.helpers.filters import farhat
+from tests.synthesis.test_filter_design import FARHAT, runs
 
 ONE = """
 format = 1
@@ -47,6 +52,7 @@ Df = [[1]]
 method = "hinf-filter"
 set_rows = 8
 """
+THETA = 'theta = [{ name = "slip", bounds = [-0.1, 0.1], measured = false }]\n'
 
 
 def of(*changes: str) -> str:
@@ -91,14 +97,20 @@ def test_units_of_reach_are_the_same_problem():
 @pytest.mark.parametrize("changes, words", [
     (("0.5", "1.5"), 'mode "only" has an eigenvalue of size 1.5 '),
     (("0.5", "1"), 'mode "only" has an eigenvalue of size 1 '),
+    (("A = [[0.5]]", 'A = [["1.5 + slip"]]', "[initial]", THETA + "[initial]"),
+     'hinf-filter: mode "only" has an eigenvalue of size 1.5 '),
+    (('"discrete"', '"continuous"', "0.5", "0.001"), 'mode "only" has an eigenvalue of size 1.00001 a sample'),
     (("0.5", "0.9999"), "more than 4000 samples to come down"),
     (("Df = [[1]]", "Df = [[0]]"), "no filter does better than one whose estimate is 0 at every sample"),
     (("set_rows = 8", "target = { num = [0], den = [1] }"), "observer.target: weight: the numerator is 0"),
     (("set_rows = 8", "colour = { num = [0, 0], den = [1, 0.5] }"), "observer.colour: weight: the numerator is 0")])
 def test_refusals_say_what_is_wrong(changes, words):
+    plant = loads(of(*changes))
     with pytest.raises(DesignError) as found:
-        design(loads(of(*changes)))
+        design(plant)
     assert words in str(found.value)
+    reason = inapplicable(plant) or ""
+    assert ("eigenvalue" in reason) == ("eigenvalue" in words and not plant.theta)  # what ``residua check`` says
 
 
 def test_a_fault_that_is_not_heard_is_named():
@@ -120,6 +132,38 @@ def test_a_fault_that_is_not_heard_is_named():
         total += abs((C @ s + D @ y)[0])
         x, s = m.A @ x, A @ s + B @ y
     assert total == pytest.approx(share[1], rel=1e-9)
+
+
+LOOSE = FARHAT.replace("C  = [[1, 0.2]]", 'C  = [["1 + 0.1*delta", "0.2 - 0.05*delta"]]').replace(
+    "Dw = [[0.2]]", 'Dw = [["0.2 + 0.1*delta"]]').replace('"float32"', '"float64"').replace(
+    'method = "hinf-filter"', 'method = "hinf-filter"\nset_rows = 8')
+
+
+def most(plant, t) -> float:
+    """Largest |f_hat| over its bound in hostile runs."""
+    d = SimpleNamespace(plant=plant, observer=FilterObserver({"float64": t}, Supervision()))
+    u, y, q = runs(d, count=16, steps=16)
+    trace = d.observer.run_many(u, y, q, "float64")
+    assert np.all(trace.status == 0)
+    return float(np.max(np.abs(trace.f_hat) / trace.f_bound))
+
+
+def test_a_parameter_in_the_outputs_is_in_the_thresholds(monkeypatch):
+    """What it does to y is in the estimate at once; a threshold that forgets that is exceeded."""
+    plant = loads(LOOSE)
+    found = next(filter_designs.explore(plant, plant.options, lambda line: None))
+    assert 0.8 < most(plant, found.tables) <= 1
+
+    def forgetful(modes, t):
+        return tuple(replace(m, pushes=tuple(replace(p, seen=0 * p.seen) for p in m.pushes)) for m in joint(modes, t))
+
+    monkeypatch.setattr(filter_tables, "joint", forgetful)
+    monkeypatch.setattr(filter_bounds, "joint", forgetful)
+    given = filter_tables.plain_tables(plant, {k: getattr(found.tables, k) for k in ("M", "G", "L", "K", "Du", "Dy")},
+                                       "float64")
+    graph = filter_bounds.Graph((None,), ((0, 0, 0), (0, 1, 0)))
+    low, _ = filter_tables.thresholds(plant, given, graph, 8)
+    assert most(plant, FilterTables(**given, **low)) > 1
 
 
 def test_least_bounds_are_kept_and_least():

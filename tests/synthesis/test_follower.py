@@ -261,7 +261,9 @@ def test_tampering_is_caught(place, words):
     ("known = false", "known = true", "ages|modes"),
     ("order     = 8", 'tables    = "arbitrary"', 'sees one mode alone, so "dwell" is never worse than "arbitrary"'),
     ("order     = 8", 'tables    = "schedule"', '"none" or "dwell": .* never worse than "schedule"'),
-    ("minimum_dwell = 1 ", "# ", "cannot be found there: no dwell time is declared")])
+    ("minimum_dwell = 1 ", "# ", "cannot be found there: no dwell time is declared"),
+    ('-0.005, 0.005] }]\nv = [{ name = "noise", bounds = [-0.02, 0.02]',
+     '0, 0] }]\nv = [{ name = "noise", bounds = [0, 0]', "nothing disturbs the plant")])
 def test_refusals(old, new, words):
     text = load("fan").text.replace(old, new).replace("[observer]", '[observer]\nmodes = "set"')
     with pytest.raises(DesignError, match=words):

@@ -15,7 +15,7 @@ from synthesis.test_independent import CHECKER
 from codegen.certify.mode_certificate import claims_on
 from codegen.certify.mode_claims import Claims
 from codegen.certify.mode_delay import Story
-from codegen.certify.mode_faults import FaultCourse
+from codegen.certify.mode_faults import FaultCourse, label
 from codegen.certify.mode_witness import stated
 from codegen.designs import read_design
 from codegen.observers.mode_set import ModeSet
@@ -46,7 +46,7 @@ def test_every_committed_design_brings_its_multipliers(folder):
     data, _ = data_of(folder)
     for cert in data["certificate"].values():
         names = cert["witnesses"]
-        faults = {f"fault0{sign}" for sign in "+-" if "faults" in cert}
+        faults = {f"{label(0, f['within'])}{sign}" for sign in "+-" for f in cert["faults"]}
         assert {name.split()[0] for name in names} == {"settled", "begun", "early"} | faults
         assert sum(map(len, names.values())) < 80_000 and all(v.split() for v in names.values())
 
@@ -158,12 +158,12 @@ def test_rows_with_a_fault_are_those_of_the_proof(checker):
     design, rng = read_design(TWO), np.random.default_rng(2)
     t, cert, p = design.observer.tables["float32"], design.certificate["float32"], bounded(design.plant)
     claims, widths = claims_on(p, t, cert), np.array(cert["widths"])
-    own, exact = FaultCourse(claims, widths, np.array([-1.0]), 0.5), checker[0].exact
+    own, exact = FaultCourse(claims, widths, -np.ones(1), np.array([0.2, -0.1]), np.zeros(2), 0.5), checker[0].exact
     sys.path.insert(0, str(CHECKER.parent))
     hidden = __import__("independent_hidden")
     sys.path.remove(str(CHECKER.parent))
     other = hidden.FaultStories(t.to_dict(), list(zip(*(x.tolist() for x in p.limits("x")))), exact(widths.tolist()),
-                                exact([-1.0]), checker[0].F(1, 2))
+                                exact([-1.0]), exact([0.2, -0.1]), 0, checker[0].F(1, 2))
     for story in (Story(0, 0, 0), Story(1, 1, 0, -2), Story(0, 0, 1, 0)):
         first = min(-1, story.born or -1)
         program, _ = own.told(story, first, 1)

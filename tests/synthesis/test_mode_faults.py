@@ -82,17 +82,19 @@ def test_tampering_is_caught(key, change):
 
 
 def test_more_noise_hides_more_and_children_count():
-    """The size follows the noise; faults of the state, and ages that are too few, promise nothing."""
+    """The size follows the noise; none is of a fault that no output sees, a larger one where children come of age."""
     made = design()
     cert, t, p = made.certificate["float32"], made.observer.tables["float32"], bounded(made.plant)
     claims, widths = mode_certificate.claims_on(p, t, cert), np.array(cert["widths"])
     size = cert["faults"][0]["size"]
     noisy = mode_certificate.claims_on(p, replace(t, v_lo=3 * t.v_lo, v_hi=3 * t.v_hi), cert)
-    assert mode_faults.largest_hidden(noisy, widths, cert["quiet"], np.ones(1), 1.0) > size + 0.004
-    assert mode_faults.largest_hidden(claims, widths, cert["ages"], np.ones(1), 1.0) == np.inf
-    assert mode_faults.largest_hidden(claims, widths, cert["quiet"], np.ones(1), 0.9 * size) == np.inf
-    modes = tuple(replace(m, Bf=m.Bf + 1) for m in p.modes)
-    assert mode_faults.surely_found(replace(p, modes=modes), claims, widths, cert["quiet"]) == []
+    of = mode_faults.channel(p, t, 0)
+    assert mode_faults.smallest(noisy, widths, cert["quiet"], of, 1)[0] > size + 0.004
+    assert mode_faults.smallest(claims, widths, cert["quiet"], of, 1, limit=0.9 * size)[0] == np.inf
+    neither = replace(of, seen=0 * of.seen)
+    assert mode_faults.smallest(claims, widths, cert["quiet"], neither, 1)[0] == np.inf
+    aged = mode_certificate.claims_on(p, replace(t, ages=1), cert)  # children come of age before they die
+    assert mode_faults.smallest(aged, widths, cert["quiet"], of, 3)[0] > size
 
 
 def test_the_header_says_so():

@@ -169,6 +169,53 @@ def test_the_right_pair_does_not_restart(design):
     assert np.all(detections <= 2 * np.array([len(s) for s in run.switches]) + 2)
 
 
+class AllBeginAnew(SlidingObserver):
+    """As printed: at a detection every pair restarts, the right one too."""
+
+    def sample(self, t, on, measured, u, y, q, theta, out):
+        super().sample(t, on, measured, u, y, q, theta, out)
+        again = on & measured & (self.age == 0)
+        self.x = [np.where(again[:, None, None], end, own) for end, own in zip((t.x_lo, t.x_hi), self.x)]
+        self.fresh = self.fresh | again[:, None]
+
+
+def test_restarts_of_all_pairs_are_a_livelock(design):
+    """With a short blanking time: detections over and over, of which none is a switch."""
+    found = {k: np.array(design.certificate["float64"][k]) for k in ("L_hi", "L_lo")}
+    chosen = settings(PLANT, {"blank": 0.01, "slope": 1e4, "window": 0.01, "share": 1.0})
+    t = tables_of(SlidingTables, PLANT, found, chosen, "float64")
+    run = courses(PLANT, 4, 180, 3)
+    counts, right = {}, {}
+    for cls in (SlidingObserver, AllBeginAnew):
+        trace = cls({"float64": t}, Supervision()).run_many(run.u, run.y, run.q, "float64")
+        counts[cls] = (trace.age == 0).sum(axis=1) - [len(s) for s in run.switches]
+        right[cls] = np.mean(trace.mode == run.q)
+    assert counts[SlidingObserver].max() <= 1 and right[SlidingObserver] > 0.9
+    assert counts[AllBeginAnew].min() >= 4 and right[AllBeginAnew] < 0.75
+
+
+@pytest.mark.parametrize("slope", [50.0, 1e4, 3e6])
+def test_closed_form_is_the_numeric_root_of_backward_euler(design, slope):
+    """e = b - tau k1 |e|^(1/2) sign e - tau^2 k2 sign e, solved by bisection; the tables made anew."""
+    found = {k: np.array(design.certificate["float64"][k]) for k in ("L_hi", "L_lo")}
+    t = tables_of(SlidingTables, PLANT, found, settings(PLANT, {"slope": slope}), "float64")
+    tau, observer = float(t.period), SlidingObserver({"float64": t}, Supervision())
+    observer.start(t, 1)
+    observer.fresh[:] = False
+    for b in (0.3 * t.ground, -t.ground, 1.5 * t.ground, -20 * t.ground, 0.5 * t.z_limit[0], -0.9 * t.z_limit[0]):
+        observer.x = [0 * x for x in observer.x]
+        observer.z, observer.rate = [0 * z + b for z in observer.z], [0 * v for v in observer.rate]
+        z, rate = observer._twisted(t, np.zeros((1, 1)))
+        lo, hi = 0.0, abs(b)
+        for _ in range(200):
+            e = (lo + hi) / 2
+            lo, hi = (e, hi) if e + 2 * tau * np.sqrt(slope * e) + tau**2 * slope < abs(b) else (lo, e)
+        turned = tau * slope * np.sign(b) * min(1, abs(b) / (tau**2 * slope))
+        assert rate[0][0, 0, 0] == pytest.approx(-turned, rel=1e-9)
+        left = z[0][0, 0, 0] + tau * rate[0][0, 0, 0]  # z moves by tau rate after the correction
+        assert left == pytest.approx(np.sign(b) * hi, rel=1e-4, abs=1e-4 * abs(b))
+
+
 def test_implicit_euler_does_not_chatter(design):
     """With k1 = 2 sqrt k2 the step rests within |b| <= h; an explicit one cycles where |rate| < k1^2 tau / 4."""
     t = design.observer.tables["float64"]
