@@ -5,6 +5,15 @@
 /* Whether it guides anything. */
 #define GUIDES (CASE_GUIDED || CASE_GUIDES_POINT || CASE_GUIDES_FILTER)
 
+/* How many alarm bits are not the estimator's. */
+#if CASE_GUIDES_FILTER
+#define GUIDED_BITS M(NF)
+#elif GUIDES
+#define GUIDED_BITS (M(NY) + 1U)
+#else
+#define GUIDED_BITS 0U
+#endif
+
 /* Whether that has bounds of its own. */
 #define BOUNDS (CASE_GUIDED || CASE_GUIDES_POINT)
 

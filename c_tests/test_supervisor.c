@@ -172,11 +172,7 @@ static uint32_t outside(const T(out) *out)
 #if CASE_BOXES
     raw |= ((out->raw != 0U) && (out->age != M(OLDEST))) ? ~0U : 0U;
 #elif CASE_SLIDING
-#if CASE_GUIDES_FILTER
-    CHECK(M(BITS) == (M(NF) + 1U));
-#else
-    CHECK(M(BITS) == (GUIDES ? (M(NY) + 2U) : 1U));
-#endif
+    CHECK(M(BITS) == (GUIDED_BITS + 1U));
 #elif FOLLOWS
     CHECK(M(BITS) == CHECKED);
 #elif CASE_POINT
