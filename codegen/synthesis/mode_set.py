@@ -40,7 +40,7 @@ def inapplicable(plant) -> str | None:
     if s.average_dwell is None or s.chatter != 1:
         return "no dwell time is declared, expected switching.minimum_dwell."
     if s.average_dwell < 2 * plant.sample_period:
-        return (f"the dwell time of {s.average_dwell:g} s is less than two samples of {plant.sample_period:g} s. "
+        return (f"the dwell time of {s.average_dwell:.12g} s is less than two samples of {plant.sample_period:g} s. "
                 "Sample faster.")
     try:
         check(plant)
