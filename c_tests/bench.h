@@ -196,30 +196,6 @@ static inline void plant_frames(bench *b, int live, uint32_t (*drawn_below)(uint
 }
 #endif
 
-#if CASE_GUIDED
-/* Framers anywhere, beyond the ranges and crossed too; any last sample. */
-static inline void plant_framers(T(state) *s, uint32_t (*drawn_below)(uint32_t))
-{
-    for (uint32_t i = 0U; i < M(NX); i++)
-    {
-        const T(real) size = x_hi[i] - x_lo[i];
-
-        s->told_lo[i] = x_lo[i] + (size * (((T(real))drawn_below(3000U) / 1000) - 1));
-        s->told_hi[i] = s->told_lo[i] + (size * (((T(real))drawn_below(2000U) / 1000) - (T(real))0.25));
-    }
-#if CASE_NU > 0
-    for (uint32_t i = 0U; i < M(NU); i++)
-    {
-        s->told_u[i] = u_lo[i] + ((u_hi[i] - u_lo[i]) * ((T(real))drawn_below(1000U) / 1000));
-    }
-#endif
-    for (uint32_t i = 0U; i < M(NY); i++)
-    {
-        s->told_y[i] = y_lo[i] + ((y_hi[i] - y_lo[i]) * ((T(real))drawn_below(1000U) / 1000));
-    }
-}
-#endif
-
 #if CASE_FOLLOWS
 /* An observer anywhere, its estimate beyond the ranges too, with a set of any size, in any mode or none. */
 static inline void plant_observer(T(state) *s, uint32_t (*drawn_below)(uint32_t))

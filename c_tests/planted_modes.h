@@ -48,6 +48,8 @@ static void plant(bench *b, uint32_t what)
 #endif
 }
 #else
+#include "guided_states.h"
+
 /* No mode refuted (0), every one in two spans of time (1, 2), or any spans, with pairs anywhere (3). */
 static void plant(bench *b, uint32_t what)
 {
@@ -62,12 +64,12 @@ static void plant(bench *b, uint32_t what)
         b->s.box_lo[i] = x_lo[i % M(NX)] + ((size / 1000) * (T(real))draw(1000U));
         b->s.box_hi[i] = b->s.box_lo[i] + ((size / 1000) * (T(real))draw(1000U));
     }
-#if CASE_GUIDED
+#if GUIDES
     if (what == 3U)
     {
         b->s.age = (draw(4U) == 0U) ? M(OLDEST) : draw((2U * M(BLANK)) + 3U);
         b->s.decided = draw(M(MODES));
-        plant_framers(&b->s, draw);
+        plant_guided(&b->s, draw);
         for (uint32_t i = 0U; i < M(NX); i++)
         {
             const T(real) size = x_hi[i] - x_lo[i];
@@ -84,7 +86,12 @@ static uint32_t of_numbers(const T(out) *out)
 {
     uint32_t raw = out->raw & M(BIT_TWICE);
 
-#if CASE_GUIDED
+#if CASE_GUIDES_FILTER
+    for (uint32_t i = 0U; i < M(NF); i++)
+    {
+        raw |= ((out->f_hat[i] > out->f_bound[i]) || (out->f_hat[i] < -out->f_bound[i])) ? ((uint32_t)2U << i) : 0U;
+    }
+#elif GUIDES
     for (uint32_t i = 0U; i < M(NY); i++)
     {
         raw |= ((out->r_lo[i] > 0) || (out->r_hi[i] < 0)) ? ((uint32_t)2U << i) : 0U;

@@ -1,6 +1,7 @@
 /*
  * What test_ranges.c asks of a mode estimator by sliding modes: pairs of bounds per mode, loops, spans of time.
  */
+#include "guided_states.h"
 
 /* Every pair at a box, nothing remembered. */
 static int begins_at(const T(state) *s, const T(real) *lo, const T(real) *hi)
@@ -30,9 +31,12 @@ static int predicted(void)
 #if CASE_GUIDED
             b.s.told_lo[i] = x_lo[i];
             b.s.told_hi[i] = x_hi[i];
+#elif CASE_GUIDES_POINT
+            b.s.told_x_hat[i] = b.s.shown_lo[i];
+            b.s.told_shape[i] = ((n % 2U) != 0U) ? 0 : (x_hi[i] - x_lo[i]);
 #endif
         }
-#if CASE_GUIDED && (CASE_NU > 0)
+#if BOUNDS && (CASE_NU > 0)
         for (uint32_t i = 0U; i < M(NU); i++)
         {
             b.s.told_u[i] = b.in.u[i];
@@ -48,7 +52,7 @@ static int predicted(void)
         {
             CHECK((b.out.x_lo[0] <= b.out.x_hi[0]) && (b.out.x_lo[0] >= b.out.x_hi[0]));
         }
-        else if ((CASE_GUIDED != 0) && ((n % 4U) == 1U)) /* framers go on, by a step of the mode */
+        else if (BOUNDS && ((n % 4U) == 1U)) /* these go on, by a step of the mode */
         {
             CHECK((b.out.x_lo[0] >= x_lo[0]) && (b.out.x_lo[0] < b.out.x_hi[0]) && (b.out.x_hi[0] <= x_hi[0]));
             CHECK((b.out.x_lo[0] > x_lo[0]) || (b.out.x_hi[0] < x_hi[0]));
@@ -132,6 +136,14 @@ static int framers_at_the_ends(void)
         b.s.told_lo[n % M(NX)] = bad[n % 3U];
         b.s.told_hi[n % M(NX)] = bad[(n / 3U) % 3U];
         b.s.told_y[n % M(NY)] = bad[(n + 1U) % 3U];
+#elif CASE_GUIDES_POINT
+        b.s.told_x_hat[n % M(NX)] = bad[n % 3U];
+        b.s.told_shape[n % M(NTOLD)] = bad[(n / 3U) % 3U];
+        b.s.told_y[n % M(NY)] = bad[(n + 1U) % 3U];
+#elif CASE_GUIDES_FILTER
+        b.s.told_xi[n % M(NS)] = bad[n % 3U];
+        b.s.told_stage = 0xFFFFFFFFU - (n % 2U);
+        b.s.told_since = 0xFFFFFFFFU << (n % 32U);
 #endif
         b.s.decided = 0xFFFFFFFFU;
         b.s.best = 0xFFFFFFFEU;
@@ -147,7 +159,7 @@ static int framers_at_the_ends(void)
             CHECK((b.out.mode < M(MODES)) && (b.out.mode_set <= M(EVERY)));
             for (uint32_t i = 0U; i < M(NX); i++)
             {
-                CHECK((CASE_GUIDED != 0) || (b.out.x_lo[i] <= b.out.x_hi[i])); /* those of framers may cross */
+                CHECK(BOUNDS || (b.out.x_lo[i] <= b.out.x_hi[i])); /* of two the narrower may cross */
                 CHECK((b.out.x_lo[i] <= huge()) && (b.out.x_hi[i] >= -huge()));
             }
         }

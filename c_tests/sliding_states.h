@@ -1,6 +1,7 @@
 /*
  * States of a mode estimator by sliding modes for random_calls.c.
  */
+#include "guided_states.h"
 
 /* Pairs of any size anywhere, loops near rest and far from it, any spans of time. */
 static void any_framers(T(state) *s)
@@ -40,7 +41,7 @@ static void any_framers(T(state) *s)
     s->fresh = draw(M(EVERY) + 1U) & draw(M(EVERY) + 1U);
     s->armed = draw(M(EVERY) + 1U);
     s->refuted = draw(M(EVERY) + 1U);
-#if CASE_GUIDED
-    plant_framers(s, draw);
+#if GUIDES
+    plant_guided(s, draw);
 #endif
 }

@@ -172,7 +172,7 @@ static uint32_t outside(const T(out) *out)
 #if CASE_BOXES
     raw |= ((out->raw != 0U) && (out->age != M(OLDEST))) ? ~0U : 0U;
 #elif CASE_SLIDING
-    CHECK(M(BITS) == ((CASE_GUIDED != 0) ? (M(NY) + 2U) : 1U));
+    CHECK(M(BITS) == (GUIDED_BITS + 1U));
 #elif FOLLOWS
     CHECK(M(BITS) == CHECKED);
 #elif CASE_POINT

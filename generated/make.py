@@ -14,12 +14,13 @@ from codegen.plant.load import load
 HERE = Path(__file__).parent
 #: What is kept of an output folder; the rest is derived from it.
 KEEP = ("design.json", ".h", ".c", ".g", "resources.json")
-DESIGNS = (("cart", "tnl-interval"), ("digester", "descriptor-fault-estimation"), ("disc", "descriptor-uncertain"),
+DESIGNS = (("blower", "zonotope"), ("cart", "tnl-interval"), ("digester", "descriptor-fault-estimation"),
+           ("disc", "descriptor-uncertain"),
            ("disc_contact", "descriptor-direct"), ("disc_sensors", "bank"), ("emps", "tnl-interval"),
            ("fan", "zonotope"), ("farhat", "hinf-filter"), ("kiln", "zonotope"), ("press", "tnl-interval"),
            ("pushed", "hinf-filter"), ("quadrotor", "tracking"), ("relay", "tnl-interval"),
            ("valve", "lpv-interval"), ("valve_sliding", "lpv-interval"),
-           ("vehicle", "hinf-filter"),
+           ("vehicle", "hinf-filter"), ("vessel", "hinf-filter"),
            ("zammali_fd", "interval"), ("zammali_fd", "tnl-interval"), ("buck", "tnl-interval-lpv"),
            ("chevet", "tnl-interval-lpv"), ("hoist", "tnl-interval-lpv"), ("lamouchi", "component-interval"),
            ("lamouchi_coordinates", "component-interval"), ("motor", "tnl-interval-lpv"),

@@ -18,7 +18,7 @@ def estimate(axis: Axes, run: Run, j: int) -> None:
     for values, colour in ((fault, TRUTH), (f_hat, EDGE)):
         index = pick(np.nan_to_num(values)[:, None], BUCKETS)
         axis.plot(run.time[index], values[index], color=colour, linewidth=1.0)
-    for start, stop in stretches((run.trace.raw_bits[run.window] >> j) & 1 == 1):
+    for start, stop in stretches(np.abs(f_hat) > bound):
         at = (run.start + np.array([start, stop])) * run.plant.sample_period
         axis.plot(at, [0.0, 0.0], color=ALARM, linewidth=3.5, solid_capstyle="butt", zorder=3)
     low = np.nanmin(bound) if np.any(np.isfinite(bound)) else 0.0

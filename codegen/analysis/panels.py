@@ -68,7 +68,7 @@ def output(axis: Axes, run: Run, j: int) -> None:
     _faults(axis, run)
     _band(axis, run, lo, hi)
     axis.axhline(0.0, color=TRUTH, linewidth=1.0)
-    for start, stop in stretches((run.trace.raw_bits[run.window] >> j) & 1 == 1):
+    for start, stop in stretches((lo > 0) | (hi < 0)):
         at = (run.start + np.array([start, stop])) * run.plant.sample_period
         axis.plot(at, [0.0, 0.0], color=ALARM, linewidth=3.5, solid_capstyle="butt", zorder=3)
     _limits(axis, [lo[run.calm], hi[run.calm], np.zeros(1)])

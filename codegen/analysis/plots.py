@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ..observers import BankTrace, FilterTrace, Trace, TrailingTrace
+from ..observers import BankTrace, FilterTrace, GuidedFilterTrace, Trace, TrailingTrace
 from ..plant.model import Plant, PlantTrace
 from . import bank_panels, filter_panels, panels, tracking_panels
 from .panels import Run
@@ -98,7 +98,7 @@ def _outputs(run: Run) -> list[Panel]:
         levels = [(1.55, lambda axis, j=j: bank_panels.level(axis, run, j)) for j in range(run.plant.n_f)]
         return [*levels, (0.6 + 0.17 * run.plant.n_f, lambda axis: bank_panels.blame(axis, run))]
     outputs = [(1.55, lambda axis, j=j: panels.output(axis, run, j)) for j in range(run.plant.n_y)]
-    return outputs + estimates * isinstance(run.trace, TrailingTrace)
+    return outputs + estimates * isinstance(run.trace, TrailingTrace | GuidedFilterTrace)
 
 
 def _states(run: Run) -> list[Panel]:

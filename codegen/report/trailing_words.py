@@ -29,7 +29,8 @@ def facts(design, real: str) -> tuple[Fact, ...]:
             Fact("Energy gain from all unknowns to the error of the estimate", "of the worst mode that stays, "
                  f"certified {words.at_most(cert['level'], 4)} on the constants of the C{reached}"),
             Fact("Threshold", "guaranteed" + " while the decision is right" * guided + f": beyond it {beyond} at a "
-                 "time, by size of the bounds from which a filter starts and by samples since"))
+                 "time, " + "by size of the bounds from which a filter starts and " * (not guided)
+                 + "by samples since" + " its start" * guided))
 
 
 def bounds(design, real: str) -> tuple[Table, ...]:
@@ -41,11 +42,13 @@ def thresholds(design, real: str, when: str) -> Table:
     """What estimates may be without a fault by mode; ``when`` a filter goes on from anywhere."""
     t, plant = design.observer.tables[real].told, design.plant
     rows = [(mode.name, fault.name, *(words.quantity(words.at_most(float(h)), fault.unit) for h in (
-        t.h[t.anywhere, 0, q, j], t.h[0, 0, q, j], t.h[t.anywhere - 1, 0, q, j], t.h[:, -1, q, j].max())))
+        t.h[t.anywhere, 0, q, j], *t.h[:t.anywhere, 0, q, j][[0, -1][:t.anywhere]], t.h[:, -1, q, j].max())))
         for q, mode in enumerate(plant.modes) for j, fault in enumerate(plant.f)]
-    notes = (f"A start from bounds of one of {words.count(t.anywhere, 'size')}; the last column holds within "
-             f"{words.count(t.last, 'sample')}. A filter goes on from anywhere {when} only.",)
-    head = ("mode", "fault", "#from anywhere", "#at a start, largest bounds", "#smallest bounds", "#in the end")
+    starts = ("#at a start, largest bounds", "#smallest bounds") if t.anywhere > 1 else ("#at a start",)
+    notes = ((f"A start from bounds of one of {t.anywhere} sizes; " if t.anywhere > 1 else
+              "A start from the declared range; ") + f"the last column holds within {words.count(t.last, 'sample')}. "
+             f"A filter goes on from anywhere {when} only.",)
+    head = ("mode", "fault", "#from anywhere", *starts, "#in the end")
     return table("The largest estimates without a fault, proved", head, rows, notes)
 
 

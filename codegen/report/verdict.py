@@ -78,7 +78,9 @@ def verdict(design, real: str, record: dict, outcomes: list[Outcome]) -> Verdict
         parts.append(f"{words.count(steered, 'run')} in the loop with the true plant kept to the certificate")
     text = f"In {words.count(len(outcomes), 'scenario')} with {words.count(samples, 'sample')}: {words.listed(parts)}."
     if injected:
-        text += f" {len(found)} of {words.count(injected, 'fault')} found; none was later than promised."
+        promised = any(outcome_words.promise(design, real, o, e)[0] is not None for o in outcomes for e in o.episodes)
+        text += f" {len(found)} of {words.count(injected, 'fault')} found; " + (
+            "none was later than promised." if promised else "of none was it promised.")
     return Verdict("ok", "Validation passed", purpose(design), text, figures, little)
 
 

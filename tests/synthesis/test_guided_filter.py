@@ -16,7 +16,7 @@ from helpers.small_sliding import plant
 from synthesis.test_independent import CHECKER
 
 import codegen
-from codegen.analysis import sliding_measure
+from codegen.analysis import panels, plots, sliding_measure
 from codegen.analysis.mode_promise import unbound
 from codegen.analysis.replay import table
 from codegen.analysis.validate import judge
@@ -126,6 +126,17 @@ def test_report_says_what_is_not_promised(designed):
     assert "estimate of sensor" in purpose(designed) and "without a guarantee" in purpose(designed)
     assert gains(designed, "float32")[3].summary.startswith("The mode estimator: ")
     assert all(fault["by_delay"] == [None] for fault in designed.detection["float32"])
+
+
+def test_the_estimate_is_drawn_and_where_it_is_beyond_its_bound(designed):
+    p = designed.plant
+    run = codegen.simulate(p, "between samples")
+    trace = designed.observer.run(run.u, run.y)
+    for f_bound, some in ((trace.f_bound, False), (trace.f_bound / 9, True)):
+        drawn = plots.residual_figure(plots.whole(p, run, replace(trace, f_bound=f_bound))).axes
+        (axis,) = (a for a in drawn if a.get_title(loc="left").startswith("Fault sensor: estimate") or
+                   a.get_title().startswith("Fault sensor: estimate"))
+        assert any(line.get_color() == panels.ALARM for line in axis.lines) == some
 
 
 @pytest.mark.parametrize("place, factor, words", [

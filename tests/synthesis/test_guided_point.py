@@ -131,6 +131,8 @@ def test_report_says_what_is_not_promised(designed):
     found = words_of(designed, "float32")
     assert [len(table.rows) for table in found.bounds][1] == 2
     assert any("alarm means a fault" in text for text in found.not_guaranteed)
+    assert not any("threshold" in text for text in found.not_guaranteed)
+    assert [cell.text for cell in found.choice.head] == ["method", "design", "relative width", "level"]
     assert "raises an alarm where the measurements contradict it" in purpose(designed)
     assert gains(designed, "float32")[2].summary.startswith("The mode estimator: ")
     assert all(fault["by_delay"] == [None] for fault in designed.detection["float32"])

@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 from click.testing import CliRunner
-from helpers import guided_filter, guided_point, small_banks
+from helpers import small_banks
 from helpers.designs import VARIANTS, stand_in
 from helpers.folders import write
 from helpers.kept import KEPT, POINTS, family_of
@@ -34,18 +34,11 @@ def test_committed_designs(folder):
 
 
 @pytest.mark.parametrize("family", ["ellipsoid", "thresholds", "filter", "driven", "descriptor",
-                                    "guided", "bank", "follower", "trailing"])
+                                    "guided", "guided_point", "guided_filter", "bank", "follower",
+                                    "trailing"])
 def test_other_observers(family):
     """The set online and as a table, all other families (polytopic: below; mode estimators: those beside others)."""
     found = run(next(f for f in KEPT if family_of(f) == family), 2000)
-    require(found)
-    assert found.runs == 2000 and found.edges > 80
-
-
-@pytest.mark.parametrize("made", [lambda: guided_point.stand_in("box", "float32"),
-                                  lambda: guided_filter.stand_in("one input", share=0.23)], ids=["point", "filter"])
-def test_what_sliding_modes_guide(made, tmp_path):
-    found = run(write(made(), tmp_path, "float32", "table"), 2000)
     require(found)
     assert found.runs == 2000 and found.edges > 80
 
