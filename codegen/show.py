@@ -171,15 +171,19 @@ def claims(design) -> None:
     """Print what was chosen and what is proved for the target's number type."""
     from .report.design_words import NEVER, finds_mode, sure_faults
     from .report.little_words import warnings
+    from .report.mode_words import smallest_promises
 
     real = design.plant.target.real
     chosen = next(c for c in design.choice if c["chosen"])
     out.print(f"{design.plant.name}: {design.method}, {chosen['design']} (best of {len(design.choice)})")
     proved(design, {real: design.claims(real)})
     stays = " while the mode stays, as above" * finds_mode(design, real)
+    promised = smallest_promises(design, real)
     for channel, unit, size, delay in sure_faults(design, real):
         within = "at once" if delay == 0 else f"within {delay} sample{'s' * (delay > 1)}"
-        words = f"{f'from {number(size)} {unit}'.rstrip()} on, {within}{stays}"
+        most = promised.get(channel, {}).get("upto")
+        till = "on" if most is None else f"to {number(most)} {unit}".rstrip()
+        words = f"{f'from {number(size)} {unit}'.rstrip()} {till}, {within}{stays}"
         out.print(f"  fault {channel}: surely detected: {NEVER if size is None else words}")
     for text in warnings(design, real):
         out.print(f"  warning: {text}", markup=False)

@@ -17,6 +17,8 @@ from scipy.optimize import linprog
 Array = np.ndarray
 #: Digits of a combination that are kept: what they lose is bounded with the coordinates.
 DIGITS = 9
+#: Unknowns that are solved for at once.
+LARGEST = 2500
 
 
 def independent(rows: Sequence[Array], fresh: Array) -> list[Array]:
@@ -144,10 +146,10 @@ def least_kept(G: Array, omega: Array, edges: Sequence[tuple[int, int, int]], fi
     Returns
     -------
     ndarray (nodes, m) or None
-        None where there are none, or the numbers are beyond a guess.
+        None where there are none, or where they are too many for a guess.
     """
     (nodes, m), b = first.shape, first
-    for _ in range(60):
+    for _ in range(60 if nodes * m <= LARGEST else 0):
         value, A, rest = first.copy(), np.zeros((nodes, m, nodes, m)), first.copy()
         for a, p, c in edges:
             new = G[p] @ b[a] + omega[p]

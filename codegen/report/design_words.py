@@ -301,8 +301,7 @@ def sure_faults(design, real: str) -> list[tuple[str, str, float | None, int]]:
     list of tuple
         Where the firmware finds the mode: of a step while the mode stays.
     """
-    promised = sorted(design.certificate[real].get("faults", ()), key=lambda f: -f["size"])
-    own = {f["channel"]: (f["size"], f["within"]) for f in promised}  # the smallest of each
+    own = {name: (f["size"], f["within"]) for name, f in mode_words.smallest_promises(design, real).items()}
     out = []
     for fault in design.detection[real]:
         size = fault["by_delay"][-1]

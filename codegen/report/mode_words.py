@@ -58,6 +58,18 @@ def delays(design, real: str) -> tuple[Table, ...]:
     return (table("How soon the firmware knows the mode, proved", head, rows, notes),)
 
 
+def smallest_promises(design, real: str) -> dict[str, dict]:
+    """The promise of the smallest size, by channel, where the firmware finds the mode.
+
+    Parameters
+    ----------
+    design : Design
+    real : {"float32", "float64"}
+    """
+    promised = sorted(design.certificate[real].get("faults", ()), key=lambda f: -f["size"])
+    return {f["channel"]: f for f in promised}
+
+
 def detection(design, real: str) -> Table:
     """Tabulate the faults that leave no mode possible, and say of the others that nothing is promised.
 

@@ -169,7 +169,7 @@ def test_validation_drives_all_scenarios_in_one_call(bench):
 
     driver.lib = Spy()
     try:
-        outcomes = validate(replace(design, plant=short), driver, seed=3)
+        outcomes = validate(replace(design, plant=short), driver, [s.name for s in short.scenarios], seed=3)
     finally:
         driver.lib = lib
     assert calls == [(len(outcomes), max(s.steps for s in scenarios))] and len(outcomes) == len(scenarios) + 1

@@ -121,7 +121,7 @@ def test_more_samples_find_more():
 def test_tampering_is_caught(key, change):
     plant, observer, cert = pushed_twice()
     text = " ".join(mode_certificate.check(plant, observer.tables["float32"], cert))
-    assert "0.396215 or less, either way" in text and "x stays within its range" in text
+    assert "0.396214 or less, either way" in text and "x stays within its range" in text
     wrong = cert | {"faults": [f | {key: change(f[key])} for f in cert["faults"]]}
     with pytest.raises(CertificateError, match="the fault sensor is claimed to be found"):
         mode_certificate.check(plant, observer.tables["float32"], wrong)
