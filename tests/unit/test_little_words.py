@@ -60,7 +60,8 @@ def test_terminal_and_report_promise_the_fault_of_the_claim_or_none(name, monkey
     tiles = {f.term: f.text for f in verdict(design, "float32", {}, []).figures}
     if sure:
         least = min(sure, key=lambda f: f["size"])
-        assert f"surely detected: from {show.number(least['size'])} on, within {least['within']} sample" in page
+        upto = f"to {show.number(least['upto'])}" if "upto" in least else "on"
+        assert f"surely detected: from {show.number(least['size'])} {upto}, within {least['within']} sample" in page
         assert "while the mode stays, as above" in page and len(rows) == len(sure)
         ((term, size),) = tiles.items()
         assert term.startswith("smallest surely detected sensor fault, within") and "while the mode stays" in term
