@@ -181,6 +181,8 @@ def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array
     x, u = limit.astype(float), np.max(np.abs([ranges["u_lo"], ranges["u_hi"]]), axis=0).astype(float)
     size = np.concatenate([x, u, [1.0]])
     terms = 2 * (n + n_u) + 12
+    # Of what a switch within a period adds: another proof encloses the period less closely.
+    least = eps**2 * limit.astype(float) * (plant.kind == "continuous")
     tiny = 4 * terms * float(np.finfo(real).smallest_subnormal)  # products may be too small for their last digits
     out = {"Phi": np.zeros((N, n, n)), "Gamma": np.zeros((N, n, n_u)), "shift": np.zeros((N, n)),
            "reach": np.zeros((N, n)), "birth": np.zeros((N, N, n)), "J": np.zeros((N, N, n, n)),
@@ -208,7 +210,7 @@ def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array
             out["J"][i, j], out["J_u"][i, j], out["J_shift"][i, j] = value[:, :n], value[:, n:n + n_u], value[:, -1]
             room = 1 + terms * eps
             out["J_radius"][i, j], out["J_u_radius"][i, j] = error[:, :n] * room, error[:, n:n + n_u] * room
-            out["J_reach"][i, j] = (later + error[:, -1]) * room + tiny
+            out["J_reach"][i, j] = np.maximum((later + error[:, -1]) * room + tiny, least)
             # Sums of a jump round too; what is kept for those of the mode alone has room for as much as is in them.
             jump = np.abs(out["J"][i, j]) @ x + np.abs(out["J_u"][i, j]) @ u + np.abs(out["J_shift"][i, j])
             jump += out["J_radius"][i, j] @ x + out["J_u_radius"][i, j] @ u + out["J_reach"][i, j]
@@ -218,6 +220,10 @@ def _rounded(tables_class, plant, period: Period, ages: int, real: str, S: Array
     y = np.abs(S[:plant.n_y]) @ np.max(np.abs(plant.limits("x")), axis=0) + np.max(np.abs(noise), axis=0)
     slack = (n_u + 6) * eps * (y + 3 * np.abs(first.D) @ u) + np.abs(first.D - first.D.astype(real)) @ u + tiny
     slack = slack * (1 + 2 * (n_u + 6) * eps)  # no noise leaves room for higher orders, or for these roundings
+    share = (n + n_u + 8) * eps  # of C x and faults: what cuts may be off by is less than the noise
+    f = np.max(np.abs(plant.limits("f")), axis=0)
+    seen = np.max(np.abs([lo, hi]), axis=0)[:plant.n_y] + np.abs(first.Df) @ np.where(np.isfinite(f), f, 0.0)
+    slack = np.maximum(slack, share * (1 + 10 * share) * seen - np.max(np.abs(noise), axis=0))
     outward = {"v_lo": noise[0] - slack, "v_hi": noise[1] + slack}
     outward |= {"start_lo": start[0], "start_hi": start[1], "wide_lo": lo, "wide_hi": hi}
     for name, value in outward.items():
