@@ -12,7 +12,8 @@ from scipy.optimize import linprog
 
 from codegen.analysis.mode_distinguishability import distinguishability
 from codegen.certify.mode_claims import Claims, certify_delays
-from codegen.certify.mode_delay import Course, Program, Story, survival
+from codegen.certify.mode_delay import Course, Story, survival
+from codegen.certify.mode_program import Program
 from codegen.errors import CertificateError, DesignError
 from codegen.observers import ModeTables
 from codegen.observers.mode_set import ModeSet, ModeState
