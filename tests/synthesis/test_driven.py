@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from flint import arb
+from helpers.tampering import altered
 
 import codegen
 from codegen.analysis import mode_promise
@@ -227,11 +228,7 @@ def test_a_discrete_plant_the_whole_way(tmp_path):
     (("birth", 0, 1, 0), "birth"), (("J", 0, 1, 0, 0), "not zero")])
 def test_tampering_is_caught(place, words):
     """A constant of the framers, of the estimator, or of what joins them, made less (or, zero, made more)."""
-    data = certified().observer.tables["float32"].to_dict()
-    inner = data
-    for key in place[:-1]:
-        inner = inner[key]
-    inner[place[-1]] = inner[place[-1]] * 0.3 if inner[place[-1]] else 0.5
+    data = altered(certified().observer.tables["float32"].to_dict(), place, lambda value: 0.3 * value or 0.5)
     t = DrivenTables.from_dict(data)
     with pytest.raises(CertificateError, match=words):
         claims_of(certified().plant, t, certified().certificate["float32"])
