@@ -147,6 +147,7 @@ EDITS = [
     ("bounds = [0.5, 1] }", "bounds = [0.5, 1], rate = -1 }", ["signals.theta.rho.rate: is -1", "> 0"]),
     ("bounds = [0.5, 1] }", "bounds = [0.5, 1], error = -0.1 }", ["signals.theta.rho.error: is -0.1", ">= 0"]),
     ("bounds = [0.5, 1] }", "bounds = [0.5, 1], error = inf }", ["signals.theta.rho.error: is inf", "finite number"]),
+    ("bounds = [0.5, 1] }", "bounds = [0.5, 1], error = 0.5 }", ["rho.error: is 0.5, as much as", "0.5", "smaller"]),
     ("0.5, 1] }", "0.5, 1], measured = false, error = 0.1 }", ["rho.error: is 0.1", "not measured", "Leave it"]),
     ("0.5, 1] }", '0.5, 1], measured = "no" }', ['signals.theta.rho.measured: is "no"', "true or false"]),
     (BRAKED_A, BRAKED_A + "\nbounds = { rho = [1, 0.5] }", ["modes.braked.bounds.rho", "wrong way round", "[0.5, 1]"]),
