@@ -8,6 +8,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from flint import arb
+from helpers.driven import AGES, PLANTS, plant, tables, told, turned_design
+from helpers.small_modes import exact_course
 from helpers.tampering import altered
 
 import codegen
@@ -20,8 +22,6 @@ from codegen.observers import DrivenObserver, DrivenTables, ModeObserver, Superv
 from codegen.plant.bounded import bounded
 from codegen.plant.load import loads
 from codegen.report.design_words import words_of
-from tests.helpers.driven import AGES, PLANTS, plant, tables, told, turned_design
-from tests.helpers.small_modes import exact_course
 
 RUNS, STEPS = 6, 70
 #: Mean width against that of the estimator alone.

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flint import arb
+from helpers.follower import AGES, CASES, gains, plant, tables, told
+from helpers.small_modes import exact_course
 from helpers.tampering import scaled
 
 import codegen
@@ -22,8 +24,6 @@ from codegen.errors import CertificateError, DesignError
 from codegen.observers import FollowerObserver, FollowerTables, ModeObserver, Supervision, follower
 from codegen.plant.load import load, loads
 from codegen.selection.points import certified
-from tests.helpers.follower import AGES, CASES, gains, plant, tables, told
-from tests.helpers.small_modes import exact_course
 
 RUNS, STEPS = 5, 50
 

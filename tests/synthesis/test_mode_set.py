@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from helpers.modes import DWELL, course, example, tables
 from scipy.linalg import expm
 from scipy.optimize import linprog
 
@@ -20,7 +21,6 @@ from codegen.observers.mode_set import ModeSet, ModeState
 from codegen.plant.load import load
 from codegen.plant.model import Signal
 from codegen.synthesis.mode_tables import coordinates, tables_of
-from tests.helpers.modes import DWELL, course, example, tables
 
 # (period s, noise) -> ages, certified delay in samples (an earlier certificate by pairs of samples alone: 3, 6, 9)
 CASES = {(0.001, 0.0): (4, 3), (0.005, 0.02): (6, 4), (0.010, 0.05): (8, 5)}

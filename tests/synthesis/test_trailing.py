@@ -8,7 +8,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from flint import arb
+from helpers.driven import NOISY
+from helpers.folders import built, write
+from helpers.small_modes import exact_course
 from helpers.tampering import scaled
+from helpers.trailing import AGES, PLANTS, PUSHED, made, plant, tables
 
 import codegen
 from codegen.analysis import mode_promise, plots, replay
@@ -23,10 +27,6 @@ from codegen.plant.load import loads
 from codegen.report import trailing_words
 from codegen.report.firmware_words import _matrix
 from codegen.report.words import at_most
-from tests.helpers.driven import NOISY
-from tests.helpers.folders import built, write
-from tests.helpers.small_modes import exact_course
-from tests.helpers.trailing import AGES, PLANTS, PUSHED, made, plant, tables
 
 RUNS, STEPS = 5, 45
 
