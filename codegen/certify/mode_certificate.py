@@ -245,8 +245,8 @@ def _seen(plant, f: dict, time) -> str:
     at = " at a sample," if moves and plant.kind == "continuous" else ""  # not for a part of a period before it
     return (f'a step of the fault "{f["channel"]}" of {size}, either way, leaves no mode possible within '
             f"{time(f['within'])} of its first one, if{lasts} it begins{at} {time(f['after'])} or more after power-up "
-            f"and the last switch, no alarm came before, the mode stays,{inside} and measurements are neither missing nor "
-            "refused")
+            f"and the last switch, no alarm came before, the mode stays,{inside} and measurements are neither missing "
+            "nor refused")
 
 
 def _six(x: float, rounding: str) -> str:
