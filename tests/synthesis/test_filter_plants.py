@@ -7,6 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.filters import farhat
+from synthesis.test_filter_design import FARHAT, runs
 
 from codegen.algebra.template_set import least_kept
 from codegen.certify import filter_bounds
@@ -22,8 +24,6 @@ from codegen.synthesis.hinf_analysis import heard
 from codegen.synthesis.hinf_condition import in_reach, out_of_reach
 from codegen.synthesis.hinf_filter import design as solver_design
 from codegen.synthesis.hinf_weights import scaled
-from tests.helpers.filters import farhat
-from tests.synthesis.test_filter_design import FARHAT, runs
 
 ONE = """
 format = 1
