@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import product
 
 import pytest
-from helpers.hiding import alarmed, hidden
+from helpers.hidden_steps import alarmed, hidden
 from helpers.kept import KEPT, family_of
 
 from codegen.designs import read_design
