@@ -130,7 +130,8 @@ class Course:
             before, now = now, {}
             now["xi"] = out.variables(t.wide_lo, t.wide_hi)
             now["u"] = out.variables(*self.u)
-            now["y"] = out.variables(t.wide_lo[:p] + 2 * t.v_lo - self.more, t.wide_hi[:p] + 2 * t.v_hi + self.more)
+            now["y"] = out.variables(t.wide_lo[:p] - 2 * neg(t.v_lo) - self.more,  # noise may be of one sign
+                                     t.wide_hi[:p] + 2 * pos(t.v_hi) + self.more)
             now["lo"], now["hi"] = out.variables(-most, most), out.variables(-most, most)
             now["c"] = out.variables(-2 * most, 2 * most)
             self._reference(out, story, k - 1, before if k > first else None, now)

@@ -226,3 +226,16 @@ def test_multipliers_keep_few_digits():
     for name, text in words.items():
         numbers = [int(w) for w in text.split()[2::2]]
         assert all(0 < n < (2**17 if kept[name][2] is None else 2**54) for n in numbers)
+
+
+@pytest.mark.parametrize("offset", [0.0, 5.0, -5.0])
+def test_measurements_of_a_story_reach_as_far_as_those_of_the_plant(offset, checker):
+    """Noise of one sign too: were some of them left out, what is proved would not hold where they are met."""
+    data, ranges = data_of(TWO)
+    t = data["tables"]["float32"]
+    t = t | {key: [offset + v for v in t[key]] for key in ("v_lo", "v_hi")}
+    stories = checker[1].Stories(t, ranges, checker[0].exact(data["certificate"]["float32"]["widths"]))
+    _, lo, hi, _ = stories.program((0, 0, 1, 0, None, "settled"), 0, 1)
+    y, p = len(t["S"]) + len(t["u_lo"]), len(t["v_lo"])
+    assert all(a <= b + c for a, b, c in zip(lo[y:y + p], t["wide_lo"], t["v_lo"], strict=False))
+    assert all(a >= b + c for a, b, c in zip(hi[y:y + p], t["wide_hi"], t["v_hi"], strict=False))

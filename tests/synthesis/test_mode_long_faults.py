@@ -6,6 +6,7 @@ from __future__ import annotations
 import copy
 from dataclasses import replace
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from codegen.plant.bounded import bounded
 from codegen.plant.load import loads
 from codegen.plant.model import Fault, Scenario
 from codegen.plant.simulate import simulate
+from codegen.report.mode_words import detection
 
 FOLDERS = {family_of(f): f for f in KEPT if family_of(f) in ("mode", "follower", "trailing")}
 
@@ -124,6 +126,16 @@ def test_tampering_is_caught(key, change):
     wrong = cert | {"faults": [f | {key: change(f[key])} for f in cert["faults"]]}
     with pytest.raises(CertificateError, match="the fault sensor is claimed to be found"):
         mode_certificate.check(plant, observer.tables["float32"], wrong)
+
+
+def test_what_a_promise_asks_of_a_push_is_said():
+    """On the state of a continuous plant it is held from a sample on; half a period before that is another story."""
+    promise = {"channel": "sensor", "size": 0.5, "within": 1, "after": 20}
+    for text, said in ((TEXT, False), (TEXT.replace("Df = [[1]]", "Bf = [[0.3], [-1]]"), True)):
+        made = SimpleNamespace(plant=loads(text), certificate={"float32": {"faults": [promise]}})
+        words = mode_certificate._seen(made.plant, promise, str)
+        assert ("if it begins at a sample, 20 or more after power-up" in words) == said == ("x stays" in words)
+        assert any("begin at a sample" in note for note in detection(made, "float32").notes) == said
 
 
 def test_nothing_is_promised_where_nothing_is_asked():
