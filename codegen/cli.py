@@ -82,7 +82,7 @@ method_option = click.option("--method", help="Design method (see: residua metho
 @layout_option
 @click.option("--compare", is_flag=True, help="Design the other methods too, for a table in the report.")
 def run(plant, out, method, real, layout, compare):
-    """The whole way: check, synthesise, certify, emit, compile, validate, report."""
+    """The whole way: plant file to validated firmware and report."""
     from .pipeline import run as whole
 
     with Progress() as progress:
@@ -94,7 +94,7 @@ def run(plant, out, method, real, layout, compare):
 @main.command(context_settings=HELP)
 @click.argument("plant")
 def check(plant):
-    """The plant as understood, its properties, and which methods apply."""
+    """The plant as it is understood, and which methods apply to it."""
     from .plant.load import load
 
     show.plant(load(plant))
@@ -140,7 +140,7 @@ def generate(design_json, out, real, layout):
 @click.option("--scenario", "names", multiple=True, help="Only this scenario (may be repeated).")
 @click.option("--seed", default=0, show_default=True, help="Seed of the random signals.")
 def validate(folder, names, seed):
-    """Compile, drive every scenario, compare with the reference, check the promises."""
+    """Compile, drive every scenario, check reference and promises."""
     from .analysis.validate import validate as drive
     from .designs import read_checked
     from .host.build import build
@@ -161,7 +161,7 @@ def validate(folder, names, seed):
 @main.command(context_settings=HELP)
 @click.argument("design_json", type=click.Path(path_type=Path))
 def certify(design_json):
-    """Re-check the certificate in exact arithmetic, trusting nothing of the solver."""
+    """Check the certificate again, all in exact arithmetic."""
     from .designs import read_design, recheck
 
     made = read_design(design_json)
@@ -171,7 +171,7 @@ def certify(design_json):
 @main.command(context_settings=HELP)
 @click.argument("folder", type=click.Path(path_type=Path))
 def assurance(folder):
-    """Check assurance.json against the C and the design beside it; show claims and checks."""
+    """Check assurance.json against C and design; show its claims."""
     from .pipeline import check_assurance
 
     show.assurance(check_assurance(folder))
@@ -180,7 +180,7 @@ def assurance(folder):
 @main.command("prove", context_settings=HELP)
 @click.argument("folder", type=click.Path(path_type=Path))
 def prove_(folder):
-    """Prove the C: no run-time error and a box that no call leaves (Frama-C), rounding within its margins (Gappa)."""
+    """Prove the C: run-time errors (Frama-C) and rounding (Gappa)."""
     from .pipeline import record
     from .target.gappa import nothing_to_prove, prove_rounding, require_rounding
     from .target.prove import prove, require
@@ -209,7 +209,7 @@ def prove_(folder):
 @click.option("--order", "orders", multiple=True, type=click.IntRange(2, 200),
               help="Zonotopes of this order (may be repeated) [the one that the design chooses].")
 def compare_(plant, out, names, orders):
-    """Design every applicable method, with every set and table, and show them side by side."""
+    """Design with every method, set and table; show all side by side."""
     from .compare import chosen_variants, compare, save
     from .plant.load import load
 
@@ -243,7 +243,7 @@ def replay(folder, log, out):
 @click.option("--board", "names", multiple=True, type=click.Choice(list(BOARDS)),
               help="Only this board (may be repeated) [all whose compiler and simulator are installed].")
 def target(folder, names):
-    """Run the self-test on simulated boards; count instructions, flash and stack."""
+    """Run on simulated boards; count instructions, flash and stack."""
     from .emit.render import template_root
     from .pipeline import record
     from .target.onboard import require, run_all
@@ -261,7 +261,7 @@ def target(folder, names):
 @click.option("--seconds", type=click.IntRange(1), help="So long at most.")
 @click.option("--seed", default=1, show_default=True, help="The same seed and runs try the same sequences.")
 def fuzz_(folder, runs, seconds, seed):
-    """Feed the C with random states and calls under sanitizers (libFuzzer)."""
+    """Feed the C with random calls under sanitizers (libFuzzer)."""
     from .emit.fuzzing import fuzz_harness
     from .pipeline import record
     from .target.fuzz import fuzz, read_record, require

@@ -143,10 +143,16 @@ def parameter(axis: Axes, run: Run, j: int) -> None:
 
 
 def modes(axis: Axes, run: Run) -> None:
-    """The active mode, one row per mode."""
-    q = run.truth.q[run.window]
+    """The active mode, one row per mode; where nobody tells it also which are possible, and which is decided for."""
+    q, found = run.truth.q[run.window], getattr(run.trace, "mode_set", None)
     for mode in range(run.plant.n_modes):
-        _bars(axis, run, q == mode, mode, MODE)
+        if found is not None:
+            _bars(axis, run, found[run.window] >> mode & 1 == 1, mode, BAND)
+        if found is None or run.simulated:
+            _bars(axis, run, q == mode, mode, MODE, *() if found is None else (0.36,))
+    if found is not None:
+        axis.step(run.time, run.trace.mode[run.window], where="post", color=EDGE, linewidth=1.1)
+        axis.set_title("Mode: " + "true (dark), " * run.simulated + "not ruled out (light), decided for (line)")
     names = [m.name if len(m.name) <= 12 else m.name[:11] + "…" for m in run.plant.modes]
     _rows(axis, names, "mode")
 
@@ -175,10 +181,10 @@ def monitor(axis: Axes, run: Run) -> None:
     _rows(axis, [name for name, _, _ in rows], "monitor")
 
 
-def _bars(axis: Axes, run: Run, on: Array, row: int, colour: str) -> None:
+def _bars(axis: Axes, run: Run, on: Array, row: int, colour: str, height: float = 0.72) -> None:
     period = run.plant.sample_period
     spans = [((run.start + a) * period, (b - a) * period) for a, b in stretches(on)]
-    axis.broken_barh(spans, (row - 0.36, 0.72), facecolor=colour, edgecolor=colour, linewidth=0.4)
+    axis.broken_barh(spans, (row - height / 2, height), facecolor=colour, edgecolor=colour, linewidth=0.4)
 
 
 def _rows(axis: Axes, names: list[str], label: str) -> None:

@@ -111,7 +111,8 @@ def _states(run: Run) -> list[Panel]:
 
 
 def _strips(run: Run) -> list[Panel]:
-    modes = [(0.3 + 0.17 * run.plant.n_modes, lambda axis: panels.modes(axis, run))] if run.plant.n_modes > 1 else []
+    title = 0.2 * hasattr(run.trace, "mode_set")
+    modes = [(0.3 + 0.17 * run.plant.n_modes + title, lambda axis: panels.modes(axis, run))] * (run.plant.n_modes > 1)
     theta = [(0.95, lambda axis, j=j: panels.parameter(axis, run, j)) for j in panels.known_parameters(run)]
     return [*theta, *modes, (0.85, lambda axis: panels.monitor(axis, run))]
 

@@ -26,20 +26,7 @@ OPTIONS = ("observer.probability", "observer.confidence", "observer.margin", "ob
 
 
 def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:
-    """Yield (beginning of the sentence, what makes its claim), in the order of ``selection.bank_claims.check``.
-
-    Parameters
-    ----------
-    design : Design
-    t : BankTables
-    cert : dict
-    build : type
-        ``claims.Claim``.
-    plant : tuple of str
-        Entries of the plant file that all conditions come from.
-    own : tuple of str
-        Checks by exact arithmetic.
-    """
+    """Yield what ``claims.OwnClaims`` says, in the order of ``selection.bank_claims.check``."""
     p = design.plant
     found = bank_claims.rooms(p, t, cert)
     every = tuple(f"{name}_{k}" for name in PARTS for k in range(len(t.members)))

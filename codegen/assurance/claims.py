@@ -8,8 +8,10 @@ sentences follow: ranges, dwell monitor, detected faults, arithmetic, execution.
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import chain, zip_longest
+from typing import Protocol
 
 from flint import fmpq
 
@@ -42,11 +44,6 @@ RADII = ("R", "S", "E")
 THETA = ("signals.theta", "mode.bounds")
 EXACT = ("exact", "independent", "read-back")
 MATRICES = ("A", "B", "C", "D", "Bw", "Dv")
-#: Families whose certificate has claims of its own.
-OWN = {"filter": filter_claims, "mode": mode_claims, "driven": driven_claims, "polytopic": polytopic_claims,
-       "descriptor": polytopic_claims, "sliding": sliding_claims, "bank": bank_claims, "follower": follower_claims,
-       "guided": guided_claims, "guided_point": guided_point_claims, "guided_filter": guided_filter_claims,
-       "trailing": trailing_claims}
 PLANT = (*MATRICES, "signals.x", "signals.u", "signals.y", "signals.w", "signals.v", "mode.bounds", "constants")
 
 
@@ -97,6 +94,39 @@ class Claim:
     constants: tuple[str, ...]
     margins: tuple[Margin, ...]
     checks: tuple[str, ...]
+
+
+class OwnClaims(Protocol):
+    """What the module of a family has whose certificate has claims of its own."""
+
+    def of_certificate(self, design, t, cert: dict, build: type, plant: tuple,
+                       own: tuple) -> Iterator[tuple[str, Callable]]:
+        """Yield (beginning of the sentence, what makes its claim), in the order in which the certificate states them.
+
+        Parameters
+        ----------
+        design : Design
+        t : Tables
+            Of the family, for one number type.
+        cert : dict
+        build : type
+            ``Claim``.
+        plant : tuple of str
+            Entries of the plant file that all conditions come from.
+        own : tuple of str
+            Checks by exact arithmetic.
+        """
+
+    def ranges(self, design, t, cert: dict, build: type, checks: tuple) -> Claim:
+        """State where observer and bounds start."""
+
+
+#: Families whose certificate has claims of its own.
+OWN: dict[str, OwnClaims] = {
+    "filter": filter_claims, "mode": mode_claims, "driven": driven_claims, "polytopic": polytopic_claims,
+    "descriptor": polytopic_claims, "sliding": sliding_claims, "bank": bank_claims, "follower": follower_claims,
+    "guided": guided_claims, "guided_point": guided_point_claims, "guided_filter": guided_filter_claims,
+    "trailing": trailing_claims}
 
 
 def claims(design, real: str) -> list[Claim]:

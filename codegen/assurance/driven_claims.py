@@ -20,20 +20,7 @@ THETA = ("signals.theta", "mode.bounds")
 
 
 def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:
-    """Yield (beginning of the sentence, what makes its claim), in the order of ``driven_certificate.check``.
-
-    Parameters
-    ----------
-    design : Design
-    t : DrivenTables
-    cert : dict
-    build : type
-        ``claims.Claim``.
-    plant : tuple of str
-        Entries of the plant file that all conditions come from.
-    own : tuple of str
-        Checks by exact arithmetic.
-    """
+    """Yield what ``claims.OwnClaims`` says, in the order of ``driven_certificate.check``."""
     modes, told = design.plant.observed.modes, t.told
     z = told.change is not None
     of_plant = (*plant, *mode_claims.PLANT, *THETA)

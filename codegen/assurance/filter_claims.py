@@ -21,20 +21,7 @@ FAULTS = ("Bf", "Df", "signals.f", "observer.target", "observer.colour")
 
 
 def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:
-    """Yield (beginning of the sentence, what makes its claim), in the order of ``filter_designs.sentences``.
-
-    Parameters
-    ----------
-    design : Design
-    t : FilterTables
-    cert : dict
-    build : type
-        ``claims.Claim``.
-    plant : tuple of str
-        Entries of the plant file that all conditions come from.
-    own : tuple of str
-        Checks by exact arithmetic.
-    """
+    """Yield what ``claims.OwnClaims`` says, in the order of ``filter_designs.sentences``."""
     rests = f"own derivation: {(inspect.getdoc(filter_model) or '').splitlines()[0]}"
     found = thresholds(design.plant, t, cert)
     run = (*own, "rounding", "validation", "target")

@@ -22,20 +22,7 @@ JOINT = ("forth", "xi_room", "told_box", "S_inverse", "x_room", "limit")
 
 
 def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:
-    """Yield (beginning of the sentence, what makes its claim), in the order of ``follower_certificate.check``.
-
-    Parameters
-    ----------
-    design : Design
-    t : FollowerTables
-    cert : dict
-    build : type
-        ``claims.Claim``.
-    plant : tuple of str
-        Entries of the plant file that all conditions come from.
-    own : tuple of str
-        Checks by exact arithmetic.
-    """
+    """Yield what ``claims.OwnClaims`` says, in the order of ``follower_certificate.check``."""
     told, kind = t.told, cert["told"]["set"]
     first, *others = mode_claims.of_certificate(design, t, cert, build, plant, own)
     held = held_by_set(design.plant, t, cert["told"])

@@ -17,20 +17,7 @@ SEEN = ("output", (*sliding_claims.PAIRS, *TOLD, *(f"told_{name}" for name in "C
 
 
 def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:
-    """Yield (beginning of the sentence, what makes its claim), in the order of ``guided_certificate.check``.
-
-    Parameters
-    ----------
-    design : Design
-    t : GuidedTables
-    cert : dict
-    build : type
-        ``claims.Claim``.
-    plant : tuple of str
-        Entries of the plant file that all conditions come from.
-    own : tuple of str
-        Checks by exact arithmetic.
-    """
+    """Yield what ``claims.OwnClaims`` says, in the order of ``guided_certificate.check``."""
     modes, told = design.plant.observed.modes, t.told
     z = told.change is not None
     guided_certificate.check_joint(t)

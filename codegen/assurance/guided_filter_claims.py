@@ -20,20 +20,7 @@ SEEN = ("estimate or output", (*sliding_claims.PAIRS, *GAINS, "told_h"))
 
 
 def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:
-    """Yield (beginning of the sentence, what makes its claim), in the order of ``selection.guided_filter_claims``.
-
-    Parameters
-    ----------
-    design : Design
-    t : GuidedFilterTables
-    cert : dict
-    build : type
-        ``claims.Claim``.
-    plant : tuple of str
-        Entries of the plant file that all conditions come from.
-    own : tuple of str
-        Checks by exact arithmetic.
-    """
+    """Yield what ``claims.OwnClaims`` says, in the order of ``selection.guided_filter_claims``."""
     decision, test, box, *others = sliding_claims.of_certificate(design, t, cert, build, plant, own)
     of_plant, run = (*plant, *sliding_claims.PLANT), (*own, *RUN)
     held, claim = filter_claims.held(demands(design.plant, t, cert), "in row"), claimer(build, of_plant)

@@ -20,20 +20,7 @@ SEEN = ("output", (*sliding_claims.PAIRS, *(f"told_{name}" for name in point_cla
 
 
 def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:
-    """Yield (beginning of the sentence, what makes its claim), in the order of ``guided_point_certificate.check``.
-
-    Parameters
-    ----------
-    design : Design
-    t : GuidedPointTables
-    cert : dict
-    build : type
-        ``claims.Claim``.
-    plant : tuple of str
-        Entries of the plant file that all conditions come from.
-    own : tuple of str
-        Checks by exact arithmetic.
-    """
+    """Yield what ``claims.OwnClaims`` says, in the order of ``guided_point_certificate.check``."""
     guided_point_certificate.check_joint(t)
     kind = cert["told"]["set"]
     decision, test, box, *others = sliding_claims.of_certificate(design, t, cert, build, plant, own)

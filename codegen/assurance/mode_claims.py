@@ -26,20 +26,7 @@ STARTS = {"start": "box of init beyond the declared one", "wide": "box of a rest
 
 
 def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:
-    """Yield (beginning of the sentence, what makes its claim), in the order of ``mode_certificate.sentences``.
-
-    Parameters
-    ----------
-    design : Design
-    t : ModeTables
-    cert : dict
-    build : type
-        ``claims.Claim``.
-    plant : tuple of str
-        Entries of the plant file that all conditions come from.
-    own : tuple of str
-        Checks by exact arithmetic.
-    """
+    """Yield what ``claims.OwnClaims`` says, in the order of ``mode_certificate.sentences``."""
     unseen = tuple(name for name in own if name != "independent")  # without the multipliers that prove them
     exact = own if "witnesses" in cert else unseen
     hidden = own if any(name.startswith("fault") for name in cert.get("witnesses", ())) else unseen

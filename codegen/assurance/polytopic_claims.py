@@ -33,20 +33,7 @@ FAULTS = ("Bf", "Df", "signals.f")
 
 
 def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:
-    """Yield (beginning of the sentence, what makes its claim), in the order in which the certificate states them.
-
-    Parameters
-    ----------
-    design : Design
-    t : PolytopicTables
-    cert : dict
-    build : type
-        ``claims.Claim``.
-    plant : tuple of str
-        Entries of the plant file that all conditions come from.
-    own : tuple of str
-        Checks by exact arithmetic.
-    """
+    """Yield what ``claims.OwnClaims`` says, in the order in which the certificate states them."""
     own = seen_apart(design.plant, t, cert, own)
 
     def claim(id, words, formula, source, code, margins, constants=(*GAINS, "h"), checks=own,

@@ -29,20 +29,7 @@ WORDS = {"test": "bound of the noise beyond noise, rounded C and rounding", "lim
 
 
 def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:
-    """Yield (beginning of the sentence, what makes its claim), in the order of ``certify.sliding_claims.sentences``.
-
-    Parameters
-    ----------
-    design : Design
-    t : SlidingTables
-    cert : dict
-    build : type
-        ``claims.Claim``.
-    plant : tuple of str
-        Entries of the plant file that all conditions come from.
-    own : tuple of str
-        Checks by exact arithmetic.
-    """
+    """Yield what ``claims.OwnClaims`` says, in the order of ``certify.sliding_claims.sentences``."""
     found: dict[str, list] = {}
     seen = bounded(design.plant)
     for kind, left, where in sliding_claims.rooms(seen, t, cert):

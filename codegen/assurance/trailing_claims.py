@@ -23,20 +23,7 @@ STAYS = ("|r_i J - sum lambda_j r_j| |e| + sum |lambda_j| b_j + |r_i W| 1 + sum 
 
 
 def of_certificate(design, t, cert: dict, build: type, plant: tuple, own: tuple) -> Iterator[tuple[str, Callable]]:
-    """Yield (beginning of the sentence, what makes its claim), in the order of ``selection.trailing_claims.check``.
-
-    Parameters
-    ----------
-    design : Design
-    t : TrailingTables
-    cert : dict
-    build : type
-        ``claims.Claim``.
-    plant : tuple of str
-        Entries of the plant file that all conditions come from.
-    own : tuple of str
-        Checks by exact arithmetic.
-    """
+    """Yield what ``claims.OwnClaims`` says, in the order of ``selection.trailing_claims.check``."""
     of_plant = (*plant, *mode_claims.PLANT, "signals.theta")
     held = filter_claims.held(demands(design.plant, t, cert), "in row")
     run, claim = (*own, *RUN), claimer(build, (*of_plant, *mode_claims.DWELL))

@@ -97,7 +97,7 @@ class Loop:
             return [[sum((s * e for s, e in zip(corner, entry[1:])), entry[0]) for entry in zip(*rows)]
                     for rows in zip(*p[key])]
         x, u, f = units
-        d = [*known_sizes(p["w"]), *known_sizes(p["v"]), *u]
+        d = [*p["w"], *p["v"], *u]
         A, B, C, D, Bw, Dw, Dv, Bf, Df = (at(k) for k in ("A", "B", "C", "D", "Bw", "Dw", "Dv", "Bf", "Df"))
         n, n_v, n_w, n_u = len(A), len(p["v"]), len(p["w"]), len(u)
         A = [[a * s / r for a, s in zip(row, x)] for row, r in zip(A, x)]

@@ -138,7 +138,7 @@ class Stories:
         v_hi, v_lo, none = total(t["v_hi"], self.cut), total(minus(t["v_lo"]), self.cut), [F(0)] * self.n
         one, ones = self.one, [row[:self.p] for row in self.one[:self.p]]
         top, rest = one[:self.p], one[self.p:]
-        seen = [[a + 2 * b + sign * c for a, b, c in zip(t[f"wide_{s}"], t[f"v_{s}"], self.more)]
+        seen = [[a + sign * (2 * max(sign * b, F(0)) + c) for a, b, c in zip(t[f"wide_{s}"], t[f"v_{s}"], self.more)]
                 for s, sign in (("lo", -1), ("hi", 1))]
         twice, half = [2 * a for a in most], [[-a / 2 for a in row] for row in rest]
         for k in range(first, last + 1):

@@ -240,11 +240,13 @@ def _seen(plant, f: dict, time) -> str:
     size = f"{_six(f['size'], ROUND_CEILING)} or more"
     size += f" and {_six(f['upto'], ROUND_FLOOR)} or less" if "upto" in f else ""
     lasts = " it lasts that long," if f["within"] > 1 else ""
-    inside = " x stays within its range," if plant.acts_on_state(f["channel"]) else ""
+    moves = plant.acts_on_state(f["channel"])
+    inside = " x stays within its range," if moves else ""
+    at = " at a sample," if moves and plant.kind == "continuous" else ""  # not for a part of a period before it
     return (f'a step of the fault "{f["channel"]}" of {size}, either way, leaves no mode possible within '
-            f"{time(f['within'])} of its first one, if{lasts} it begins {time(f['after'])} or more after power-up and "
-            f"the last switch, no alarm came before, the mode stays,{inside} and measurements are neither missing nor "
-            "refused")
+            f"{time(f['within'])} of its first one, if{lasts} it begins{at} {time(f['after'])} or more after power-up "
+            f"and the last switch, no alarm came before, the mode stays,{inside} and measurements are neither missing "
+            "nor refused")
 
 
 def _six(x: float, rounding: str) -> str:

@@ -67,7 +67,7 @@ class Claims:
     horizon : int
         Samples after which a hypothesis counts as never dying.
     kept : dict or None
-        Takes the multipliers that prove something (``mode_delay.Program``).
+        Takes the multipliers that prove something (``mode_program.Program``).
     names : tuple of str
         Of the modes, for messages; left out: their numbers.
     """

@@ -23,8 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, ctx
 
-from .mode_delay import Course, Story, outward
+from .mode_delay import Course, Story
 from .mode_enclosure import PRECISION, ball, exponential
+from .mode_program import outward
 
 Array = np.ndarray
 #: A promise for more samples is made where it is about faults smaller, or larger ones too, by this share.

@@ -22,7 +22,7 @@ def stated(kept: dict, widths: Array, sizes: dict[str, float] | None = None) -> 
     Parameters
     ----------
     kept : dict
-        Name -> (program, multipliers, cost), of ``mode_delay.Program``.
+        Name -> (program, multipliers, cost), of ``mode_program.Program``.
     widths : ndarray (n_x,)
         Certified; a bound may lose ``LOSS`` of them.
     sizes : dict, optional

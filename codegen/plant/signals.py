@@ -124,6 +124,10 @@ def _signal(row: object) -> Signal:
         if row.error and not row.measured:
             raise PlantError(f"signals.theta.{row.name}.error: is {row.error:g}, but the parameter is not measured. "
                              "Leave it out, or set measured = true.")
+        if row.error and row.error >= limits[1] - limits[0]:
+            raise PlantError(f"signals.theta.{row.name}.error: is {row.error:g}, as much as its bounds are apart, "
+                             f"{limits[1] - limits[0]:g}, or more: such a measurement says nothing. Give a smaller "
+                             "one, or set measured = false and leave it out.")
         return Signal(row.name, row.unit, *limits, measured=row.measured, rate=rate, error=row.error)
     if isinstance(row, InputSignal):
         return Signal(row.name, row.unit, *limits, rate=row.rate or 0.0)

@@ -96,6 +96,8 @@ def detection(design, real: str) -> Table:
     held = ("A step of this size or more (or between these sizes), of either sign, leaves no mode possible within this "
             "time, if it lasts as long, begins so long after power-up and the last switch, the mode stays, no alarm "
             "came before, no measurement is missing and x is within its range.")
+    if plant.kind == "continuous" and any(plant.acts_on_state(f["channel"]) for f in sure):
+        held += " One that moves the state has to begin at a sample."
     notes = [held] * bool(sure)
     if len({f["channel"] for f in sure}) < plant.n_f:
         notes.append("Where no size is promised a fault may pass for a change of the mode, or for a decision that is "

@@ -51,14 +51,15 @@ def check_options(where: str, options: dict, known: dict | None = None) -> None:
         allowed = known[key]
         whole = allowed is not dict and all(type(a) is int for a in allowed)
         if allowed is dict:
-            good = isinstance(value, dict)
+            good = isinstance(value, dict) and (len(value) > 0 or key != "gains")
         elif isinstance(allowed[0], str):
             good = value in allowed
         else:
             good = isinstance(value, int | float) and not isinstance(value, bool) and allowed[0] <= value <= allowed[1]
             good = good and (not whole or value == int(value))
         if not good:
-            words = "a table" if allowed is dict else (
+            table = "a table with L, one matrix per mode, at least" if key == "gains" else "a table"
+            words = table if allowed is dict else (
                 " or ".join(f'"{a}"' for a in allowed) if isinstance(allowed[0], str)
                 else f"a {'whole ' * whole}number from {allowed[0]:g} to {allowed[1]:g}")
             raise DesignError(f"{where}: observer.{key} is {value!r}, expected {words}.")

@@ -142,7 +142,7 @@ def problem_of(plant) -> FilterProblem:
     size = {v: sizes(*plant.limits(v)) for v in "uf"}
     modes = []
     for m in plant.modes:
-        w, v = sizes(m.w_lo, m.w_hi), sizes(m.v_lo, m.v_hi)
+        w, v = np.maximum(np.abs(m.w_lo), np.abs(m.w_hi)), np.maximum(np.abs(m.v_lo), np.abs(m.v_hi))  # 0: not met
         n_x, n_y, n_u = plant.n_x, plant.n_y, plant.n_u
         place = np.zeros((n_x + n_u, n_x + len(w) + len(v) + n_u + plant.n_f))
         place[:n_x, :n_x], place[n_x:, -n_u - plant.n_f:-plant.n_f] = np.eye(n_x), np.diag(size["u"])

@@ -46,13 +46,15 @@
  * WHAT IS ASSUMED
  *
  * - The plant is the one of the plant file, with one of its modes active at any instant.
- * - Every sample period (0.01 s) there is exactly one call of step or predict.
+ * - Every sample period (0.01 s) there is exactly one call of step or predict. What is measured is of that
+ *   instant: jitter is not covered.
  * - At the call of init the state is in its initial box; at all times it is in its range. The range is
  *   where the boxes start again after a fault.
  * - The disturbance w[0] (draught) is in [-0.001, 0.001] N m.
  * - The measurement noise v[0] (noise) is in [-0.1, 0.1] rad/s.
  * - The inputs are held from sample to sample. The mode changes at any instant. Disturbances and parameters
  *   may move between samples too: the bounds hold at the samples whatever they do there.
+ * - Switches are at least 1 s apart, as far as alarms go. Nothing watches that.
  * - Arithmetic is IEEE 754, rounding to nearest, subnormal numbers not flushed to zero.
  *
  * HOW TO CALL IT
@@ -63,6 +65,9 @@
  *     every sample period, from a task or a timer interrupt:
  *         fill in: the measurements of this sample, the input that acts from now on
  *         status = blower_step(&observer, &in, &out);
+ *         if (status == BLOWER_BAD_OUTPUT) status = blower_predict(&observer, &in, &out);
+ *         if (status != BLOWER_OK) blower_reset(&observer);    there is no answer: start anew
+ *         else act on out.latched, and on the rest as far as out.assured allows
  *
  * The calls wait for nothing, allocate nothing, and write only through their arguments. Their run time is
  * bounded. Different states may be used from different contexts at once; one state from one context only.

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers.kept import POINTS, family_of
-from helpers.points import VARIANTS, point_design, random_plant
+from helpers.points import VARIANTS, made
 
 from codegen.assurance import point_claims, point_margins
 from codegen.assurance.c_reader import blank
@@ -27,8 +27,7 @@ LAYOUTS = ("literal", "table", "loop")
 
 @cache
 def printed(variant, layout, real="float32"):
-    plant, options = VARIANTS[variant]
-    design = point_design(random_plant(**plant), **options)
+    design = made(variant)
     texts = firmware(design, real, layout)
     return design, texts["pt.c"], texts["pt.h"]
 

@@ -1,6 +1,7 @@
 """Certified point observers for small random plants: real tables, real certificates, no solver."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -125,6 +126,14 @@ VARIANTS = {  # plant, then arguments of ``point_design``: between them every br
                                                                                "set": "interval"}),
     "one mode": ({"sizes": (1, 3, 1, 2), "seed": 4}, {"kind": "tnl", "order": 8}),
 }
+
+
+@cache
+def made(variant):
+    """The certified design of one of these."""
+    plant, options = VARIANTS[variant]
+    return point_design(random_plant(**plant), **options)
+
 
 #: Sizes of ``random_plant()``, with everything that a plant file must have; two modes, gains given.
 TOML = """

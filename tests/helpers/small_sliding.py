@@ -13,6 +13,13 @@ from codegen.synthesis.sliding_tables import tables_of
 
 from . import driven, small_modes
 
+#: What no method may say that sliding modes guide: of the plant file what, what instead, words.
+REFUSED = (
+    ("known = false", "known = true", "observer.modes says how the mode is found"),
+    ("minimum_dwell = 1", "", "cannot be found there: no dwell time is declared"),
+    ('modes = "sliding"', 'modes = "sliding"\nages = 3', 'ages is given, which modes = "set" alone'),
+    ('modes = "sliding"', 'blank = 0.2', 'blank is given, which modes = "sliding" alone'))
+
 
 def plant(name: str):
     """One of the small plants, or one with parameters."""

@@ -1,12 +1,11 @@
 """Point observers with a residual set: the C is the reference, and the sets hold what they must, rounding included."""
 
-from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
 from helpers.folders import built, write
-from helpers.points import VARIANTS, changed, in_turn, point_design, random_plant
+from helpers.points import VARIANTS, changed, in_turn, made, point_design, random_plant
 from helpers.set_changes import (
     BASIS_CHANGES,
     BLOCK_CHANGES,
@@ -20,36 +19,18 @@ from helpers.set_changes import (
 )
 from sil.test_equal import stimulus
 
-from codegen.algebra import zonotope
-from codegen.certify import set_claims
 from codegen.certify.boxes import BoxDemands
-from codegen.errors import CertificateError, DesignError
 from codegen.host import build
 from codegen.observers import PointTrace
 from codegen.observers.thresholds import ThresholdObserver
-from codegen.observers.zonotope import reduced
 
 TURN = [[1, 0.3, 0], [-0.2, 1, 0.4], [0.1, 0, 0.7]]
 LAYOUTS = ("literal", "table", "loop")
 
 
-@pytest.fixture(scope="module")
-def made():
-    """One certified design per variant."""
-    cache = {}
-
-    def of(name):
-        if name not in cache:
-            plant, options = VARIANTS[name]
-            cache[name] = point_design(random_plant(**plant), **options)
-        return cache[name]
-
-    return of
-
-
 @pytest.mark.parametrize("real", ["float32", "float64"])
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_c_equals_the_reference(variant, real, made, tmp_path):
+def test_c_equals_the_reference(variant, real, tmp_path):
     """13 000 samples of every kind: quiet, wild, missing, refused, modes that switch at every sample."""
     design = made(variant)
     t = design.observer.tables[real]
@@ -98,7 +79,7 @@ def quiet_outputs(design, u, q, wild):
                                              ("box", BOX_CHANGES), ("trace", TRACE_CHANGES),
                                              ("box, turned", TURN_CHANGES), ("three outputs", PAIR_CHANGES),
                                              ("other coordinates", BASIS_CHANGES)])
-def test_a_mutant_is_noticed(variant, changes, made, tmp_path):
+def test_a_mutant_is_noticed(variant, changes, tmp_path):
     """A tie, a column, a margin, a transposition, a mode: the comparison above sees each."""
     design = made(variant)
     u, y, q = stimulus(design.observer.tables["float32"], np.random.default_rng(3), runs=40)
@@ -273,7 +254,7 @@ def test_no_alarm_under_the_worst_noise(kind, options, tmp_path):
 @pytest.mark.parametrize("variant", ["two outputs", "gain on the new output", "one mode", "table", "table of one mode",
                                      "schedule", "blocks", "box", "box, turned", "box, one output", "trace",
                                      "trace, one output"])
-def test_surely_detected_faults_are_found(variant, made):
+def test_surely_detected_faults_are_found(variant):
     """Modes as slow as the promise asks, hostile noise: a step of the promised size shows by the promised sample."""
     from codegen.analysis.detectability import surely_detected
 
@@ -307,94 +288,3 @@ def noisy(plant, q, f, rng):
         y.append(m.C @ x + m.Dv @ v + m.Df @ f[k])
         x = m.A @ x + m.Bw @ w + m.Bf @ f[k]
     return np.array(y)
-
-
-def test_membership_is_exact_for_two_outputs(made):
-    """Against the gauge of the same generators: inside and outside alike, but for the room of the rounding."""
-    design = made("two outputs")
-    t, run = design.observer.tables["float64"], design.observer
-    rng = np.random.default_rng(0)
-    H = 0.05 * rng.uniform(-1, 1, (200, 3, t.shape.columns))
-    q, origin = rng.integers(0, 3, 200), np.zeros(200, dtype=int)
-    sets = [np.concatenate([t.C[a] @ h, t.shape.V[a, 0]], axis=1) for a, h in zip(q, H)]
-    r, wanted = rng.uniform(-1, 1, (200, 2)), 1 + 1e-9 * rng.choice([-1.0, 1.0], 200)
-    r *= (wanted / [zonotope.gauge(G, x) for G, x in zip(sets, r)])[:, None]
-    bound, raw = run.judged(t, q, origin, H, r)
-    assert (raw.any(axis=1) == (wanted > 1)).all()
-    assert raw[:, 2].sum() > raw[:, :2].any(axis=1).sum()  # the set says more than its hull
-    np.testing.assert_allclose(bound, [zonotope.hull(G) for G in sets], rtol=1e-9)
-
-
-@pytest.mark.parametrize("flat", [False, True])
-def test_membership_is_exact_for_three_outputs(flat, made):
-    """Against the gauge of the same generators; directions chosen offline miss some of what it finds, and nothing else
-    is found that is inside. A set that is flat lets no point out of its plane pass.
-    """
-    design = made("three outputs")
-    run = design.observer
-    t = run.tables["float64"]
-    rng = np.random.default_rng(0)
-    H = 0.05 * rng.uniform(-1, 1, (150, 3, t.shape.columns))
-    if flat:  # the noise is not: only where it is left out
-        t = replace(t, shape=replace(t.shape, V=t.shape.V * 0, rho=t.shape.rho * 0))
-        H[:, :, 2:] = 0.0
-    q, origin = rng.integers(0, 2, len(H)), np.zeros(len(H), dtype=int)
-    sets = [np.concatenate([t.C[a] @ h, t.shape.V[a, 0]], axis=1) for a, h in zip(q, H)]
-    r = np.array([G @ rng.uniform(-1, 1, G.shape[1]) for G in sets])
-    wanted = 1 + 1e-9 * rng.choice([-1.0, 1.0], len(H)) * (1 if not flat else 1e4)
-    r *= (wanted / [zonotope.gauge(G, x) for G, x in zip(sets, r)])[:, None]
-    bound, raw = run.judged(t, q, origin, H, r)
-    assert (raw.any(axis=1) == (wanted > 1)).all()
-    assert raw[:, 3].sum() > 2 * raw[:, :3].any(axis=1).sum()
-    rows = np.concatenate([zonotope.template(G, x[None])[3:] for G, x in zip(sets[:4], r)])
-    some = replace(t, shape=replace(t.shape, pairs=False, directions=rows))
-    _, less = run.judged(some, q, origin, H, r)
-    assert not (less & ~raw).any() and less.any(axis=1).sum() < raw.any(axis=1).sum()
-    if flat:
-        off = np.array([np.cross(G[:, 0], G[:, 1]) for G in sets])
-        off = off * (1e-4 / np.linalg.norm(off, axis=1))[:, None]
-        assert run.judged(t, q, origin, H, 0.5 * r + off)[1].any(axis=1).all()
-
-
-def test_membership_of_three_outputs_is_chosen(made):
-    """Exact where it is cheap enough or asked for; refused for more outputs; products that overflow are refused."""
-    plant = random_plant((2, 3, 1, 3), 11, (1, 2))
-    assert made("three outputs").observer.tables["float32"].shape.pairs
-    few = point_design(plant, "tnl", order=5, membership="directions").observer.tables["float32"].shape
-    assert not few.pairs and len(few.directions)
-    assert not point_design(plant, "tnl", order=20).observer.tables["float32"].shape.pairs
-    assert point_design(plant, "tnl", order=20, membership="exact").observer.tables["float32"].shape.pairs
-    with pytest.raises(DesignError, match='membership is "exact" with 4 outputs .found., expected at most 3'):
-        point_design(random_plant((2, 4, 2, 4), 3, (1, 4)), order=9, membership="exact")
-    design = made("three outputs")
-    t, cert = design.observer.tables["float32"], design.certificate["float32"]
-    with pytest.raises(CertificateError, match="products of three residuals may overflow"):
-        set_claims.check(plant.modes, replace(t, y_hi=t.y_hi * np.float32(1e13)), cert)
-
-
-def test_reduction_is_the_algebra_s(made):
-    """The same columns as ``algebra.zonotope.reduce``, ties by the lowest index; the compare count is the dossier's."""
-    z = made("two outputs").observer.tables["float64"].shape
-    rng = np.random.default_rng(1)
-    H = rng.integers(-2, 3, (50, 3, z.columns)).astype(float)  # small integers: many ties
-    kept, box = reduced(z, H * (1 / np.sqrt(z.weight.astype(float)))[:, None])
-    scale = np.sqrt(z.weight.astype(float))
-    for i in range(len(H)):
-        G = zonotope.reduce(H[i], z.order)
-        np.testing.assert_allclose(kept[i] * scale[:, None], G[:, :z.order - 3])
-        np.testing.assert_allclose((box[i] - z.e) * scale, np.diag(G[:, z.order - 3:]), atol=1e-9)
-
-
-def test_nan_alarms(made):
-    """A set spoilt by an upset of the memory starts again; a residual that is no number is outside."""
-    design = made("two outputs")
-    t, run = design.observer.tables["float32"], design.observer
-    run.start(t, 1)
-    _, raw = run.judged(t, np.zeros(1, int), np.zeros(1, int), run.set, np.full((1, 2), np.nan, np.float32))
-    assert raw.all()
-    run.phase[:], run.guard.mode[:] = 2, 0
-    run.set = np.full_like(run.set, np.nan)
-    out = run.empty(t, (1,))
-    run.sample(t, np.array([True]), np.array([True]), np.zeros((1, 1), np.float32), np.zeros((1, 2), np.float32),
-               np.zeros(1, int), None, out)
-    assert np.isfinite(out.r_bound).all() and not out.alarm.any()

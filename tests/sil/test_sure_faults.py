@@ -5,12 +5,13 @@ rational arithmetic. Every family of the committed designs, and small random pla
 """
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.hiding import bounds_along, effects, hide, played
-from helpers.points import VARIANTS, point_design, random_plant
+from helpers.points import VARIANTS, made
 
 from codegen.algebra.dwell import fewest_samples
 from codegen.analysis.detectability import surely_detected
@@ -28,20 +29,9 @@ SMALL = [name for name, (_, options) in VARIANTS.items() if options.get("set", "
 LENGTH, ONSET, WITHIN = 33, 30, 2
 
 
-@pytest.fixture(scope="module")
-def design_of():
-    cache = {}
-
-    def of(name):
-        if name not in cache:
-            if name in VARIANTS:
-                plant, options = VARIANTS[name]
-                cache[name] = point_design(random_plant(**plant), **options)
-            else:
-                cache[name] = read_design(ROOT / "generated" / name)
-        return cache[name]
-
-    return of
+@cache
+def design_of(name):
+    return made(name) if name in VARIANTS else read_design(ROOT / "generated" / name)
 
 
 def admitted(design):
@@ -74,7 +64,7 @@ def worst_path(design, found, channel, delay):
 
 
 @pytest.mark.parametrize("name", [*COMMITTED, *SMALL])
-def test_what_is_promised_cannot_be_hidden(name, design_of):
+def test_what_is_promised_cannot_be_hidden(name):
     """Steps of the promised size, and some 3 per cent below what can be hidden along the same sequence."""
     design, real = design_of(name), "float32"
     plant, t, rng = design.plant.enclosed, design.observer.tables[real], np.random.default_rng(len(name))
@@ -131,7 +121,7 @@ def unweighted(follower):
 
 @pytest.mark.parametrize("name,spoil", [("two outputs", quiet), ("ellipsoid", unweighted), ("table", shrink),
                                         ("box", narrow), ("trace", lighter)])
-def test_a_bound_that_is_too_small_promises_too_much(name, spoil, design_of, monkeypatch):
+def test_a_bound_that_is_too_small_promises_too_much(name, spoil, monkeypatch):
     """Along the worst sequence more can be hidden than a spoilt bound says."""
     design, real = design_of(name), "float32"
     plant, t, cert = design.plant, design.observer.tables[real], design.certificate[real]
@@ -153,16 +143,16 @@ def test_a_bound_that_is_too_small_promises_too_much(name, spoil, design_of, mon
 
 @pytest.mark.parametrize("name,within,most", [("zammali_ellipsoid_ellipsoid", 0, 0.063),
                                               ("zammali_zonotope_zonotope", 1, 0.0063)])
-def test_promises_on_the_plants_of_the_thesis(name, within, most, design_of):
+def test_promises_on_the_plants_of_the_thesis(name, within, most):
     """For any switching, rounding in single precision included: at the onset of 6.3.5, one sample later of 6.2.4."""
     design = design_of(name)
     assert all(fault["by_delay"][within] <= most for faults in design.detection.values() for fault in faults)
 
 
-def test_a_zonotope_on_the_plant_of_6_3_5(design_of):
+def test_a_zonotope_on_the_plant_of_6_3_5():
     """At most 0.058 at the onset with the gains of the ellipsoid, in double precision."""
-    made = design_of("zammali_ellipsoid_ellipsoid")
-    t, plant = made.observer.tables["float64"], made.plant
+    ellipsoid = design_of("zammali_ellipsoid_ellipsoid")
+    t, plant = ellipsoid.observer.tables["float64"], ellipsoid.plant
     gains = {"L": t.L.astype(float), "N": t.N.astype(float), "kind": t.kind}
     gains |= CHOICES["zonotope"](plant, gains, {}, 1)
     found = surely_detected(plant, *certified(plant, gains, {"kind": "none"}, "float64"), 0)

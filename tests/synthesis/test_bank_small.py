@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import sys
 from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from helpers import small_banks
+from helpers.checker import checker_of
 from helpers.descriptors import example, plant
-from synthesis.test_independent import CHECKER
 
 from codegen.analysis.frequency import responses
 from codegen.emit.package import firmware
@@ -29,14 +28,7 @@ from codegen.synthesis.hminus_hinf import Faults
 DESIGNS = {"measured": small_banks.design, "continuous": small_banks.design, "state": small_banks.frozen}
 
 
-@pytest.fixture(scope="module")
-def checker():
-    """The independent checker of banks, in this process."""
-    sys.path.insert(0, str(CHECKER.parent))
-    try:
-        yield __import__("independent_bank")
-    finally:
-        sys.path.remove(str(CHECKER.parent))
+checker = checker_of("bank")
 
 
 def test_short_steps_come_near_a_level_of_the_dossier():

@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from helpers.descriptors import example, plant, sampled
 
 from codegen.certify.polytope_gain import check
 from codegen.errors import CertificateError, DesignError
@@ -17,7 +18,6 @@ from codegen.selection.descriptors import design_observer, designed, euler_limit
 from codegen.synthesis import descriptor_discrete
 from codegen.synthesis.descriptor_gains import euler_gains
 from codegen.synthesis.descriptor_lmi import Bounds
-from tests.helpers.descriptors import example, plant, sampled
 
 PERIOD = 0.01
 

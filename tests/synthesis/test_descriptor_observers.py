@@ -8,6 +8,7 @@ from dataclasses import replace
 import cvxpy as cp
 import numpy as np
 import pytest
+from helpers.descriptors import DECAY, GAIN, example, frozen_gain, observer, plant
 
 from codegen.certify.exact import eye, product, rational
 from codegen.certify.polytope_error import factors as exact_factors
@@ -17,7 +18,6 @@ from codegen.selection.descriptors import design_observer, problem_and_scaling
 from codegen.synthesis import descriptor_uncertain
 from codegen.synthesis.descriptor_lmi import Bounds, assembled, solve
 from codegen.synthesis.descriptor_problem import Scaling, kernel_of, pairs_of, visible
-from tests.helpers.descriptors import DECAY, GAIN, example, frozen_gain, observer, plant
 
 # (method, options) -> designed level at gain bound 10, decay 3/s (dossier), share of it that a frozen pair reaches
 LEVELS = {("descriptor-uncertain", ("free", False)): (0.1738, 0.9), ("descriptor-uncertain", ()): (0.0564, 0.5),

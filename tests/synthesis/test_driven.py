@@ -8,6 +8,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from flint import arb
+from helpers.driven import AGES, PLANTS, plant, tables, told, turned_design
+from helpers.small_modes import exact_course
+from helpers.tampering import altered
 
 import codegen
 from codegen.analysis import mode_promise
@@ -19,8 +22,6 @@ from codegen.observers import DrivenObserver, DrivenTables, ModeObserver, Superv
 from codegen.plant.bounded import bounded
 from codegen.plant.load import loads
 from codegen.report.design_words import words_of
-from tests.helpers.driven import AGES, PLANTS, plant, tables, told, turned_design
-from tests.helpers.small_modes import exact_course
 
 RUNS, STEPS = 6, 70
 #: Mean width against that of the estimator alone.
@@ -227,11 +228,7 @@ def test_a_discrete_plant_the_whole_way(tmp_path):
     (("birth", 0, 1, 0), "birth"), (("J", 0, 1, 0, 0), "not zero")])
 def test_tampering_is_caught(place, words):
     """A constant of the framers, of the estimator, or of what joins them, made less (or, zero, made more)."""
-    data = certified().observer.tables["float32"].to_dict()
-    inner = data
-    for key in place[:-1]:
-        inner = inner[key]
-    inner[place[-1]] = inner[place[-1]] * 0.3 if inner[place[-1]] else 0.5
+    data = altered(certified().observer.tables["float32"].to_dict(), place, lambda value: 0.3 * value or 0.5)
     t = DrivenTables.from_dict(data)
     with pytest.raises(CertificateError, match=words):
         claims_of(certified().plant, t, certified().certificate["float32"])

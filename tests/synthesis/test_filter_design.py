@@ -10,6 +10,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.filters import hostile
+from synthesis.test_independent import run
 
 from codegen.certify import filter_bounds
 from codegen.emit.package import files
@@ -22,8 +24,6 @@ from codegen.selection import filter_designs
 from codegen.selection.filter_tables import corners, floats
 from codegen.synthesis import METHODS
 from codegen.synthesis.fault_filter import stated
-from tests.helpers.filters import hostile
-from tests.synthesis.test_independent import run
 
 FARHAT = load("farhat").text
 REALS = ("float32", "float64")

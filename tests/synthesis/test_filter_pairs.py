@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.filters import farhat
 
 from codegen.selection.filters import design_filter
 from codegen.synthesis import hinf_filter, hinf_projection
-from tests.helpers.filters import farhat
 
 
 @pytest.mark.parametrize("case", [(True, False), (False, False)])

@@ -7,6 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.filters import farhat
+from synthesis.test_filter_design import FARHAT, runs
 
 from codegen.algebra.template_set import least_kept
 from codegen.certify import filter_bounds
@@ -22,8 +24,6 @@ from codegen.synthesis.hinf_analysis import heard
 from codegen.synthesis.hinf_condition import in_reach, out_of_reach
 from codegen.synthesis.hinf_filter import design as solver_design
 from codegen.synthesis.hinf_weights import scaled
-from tests.helpers.filters import farhat
-from tests.synthesis.test_filter_design import FARHAT, runs
 
 ONE = """
 format = 1
@@ -180,3 +180,17 @@ def test_least_bounds_are_kept_and_least():
     np.testing.assert_allclose(b, want, rtol=1e-9)
     assert all(np.all(G[p] @ b[a] + omega[p] <= b[c]) for a, p, c in edges) and np.all(b >= first)
     assert least_kept(1.02 * G / np.abs(np.linalg.eigvals(G[0])).max(), omega, edges, first) is None
+
+
+def test_what_is_bounded_by_zero_is_no_disturbance():
+    """Channels that never act leave the level as it is, 0.01256; without noise a filter does better, not worse."""
+    gust, noise = '"gust", bounds = [-0.001, 0.001] }', '"noise", bounds = [-0.02, 0.02] }'
+    idle = ', { name = "idle%d", bounds = [0, 0] }'
+
+    def level(*changes):
+        plant = loads(of(*changes))
+        return next(filter_designs.explore(plant, plant.options, lambda line: None)).cert["level"]
+
+    assert 0.0125 < level(gust, gust + idle % 1, noise, noise + idle % 2, "Bw = [[1]]", "Bw = [[1, 1]]",
+                          "Dv = [[1]]", "Dv = [[1, 1]]") < 0.01257
+    assert level(noise, noise.replace("-0.02, 0.02", "0, 0")) < 0.001

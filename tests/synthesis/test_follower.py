@@ -9,6 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flint import arb
+from helpers.follower import AGES, CASES, gains, plant, tables, told
+from helpers.small_modes import exact_course
+from helpers.tampering import scaled
 
 import codegen
 from codegen.analysis import mode_promise
@@ -21,8 +24,6 @@ from codegen.errors import CertificateError, DesignError
 from codegen.observers import FollowerObserver, FollowerTables, ModeObserver, Supervision, follower
 from codegen.plant.load import load, loads
 from codegen.selection.points import certified
-from tests.helpers.follower import AGES, CASES, gains, plant, tables, told
-from tests.helpers.small_modes import exact_course
 
 RUNS, STEPS = 5, 50
 
@@ -248,11 +249,7 @@ def test_the_gallery_plant_the_whole_way(tmp_path):
 def test_tampering_is_caught(place, words):
     """A constant of the observer, of the estimator, or of what joins them, made less."""
     made = committed()
-    data = made.observer.tables["float32"].to_dict()
-    inner = data
-    for key in place[:-1]:
-        inner = inner[key]
-    inner[place[-1]] = inner[place[-1]] * 0.3
+    data = scaled(made.observer.tables["float32"].to_dict(), place, 0.3)
     with pytest.raises(CertificateError, match=words):
         claims_of(made.plant, FollowerTables.from_dict(data), made.certificate["float32"])
 

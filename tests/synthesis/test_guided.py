@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import fields, replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
 from flint import arb
+from helpers.checker import checker_of, is_proved
 from helpers.guided import plant, stand_in, tables, told
+from helpers.scripts import ROOT
 from helpers.small_modes import TEXT, exact_course
-from synthesis.test_independent import CHECKER
+from helpers.small_sliding import REFUSED
+from helpers.tampering import scaled
 
 import codegen
 from codegen.analysis import sliding_measure
@@ -29,7 +31,7 @@ from codegen.plant.load import loads
 from codegen.report.design_words import words_of
 from codegen.synthesis import mode_sliding
 
-GALLERY = CHECKER.parents[2] / "generated" / "valve_sliding_lpv-interval"
+GALLERY = ROOT / "generated" / "valve_sliding_lpv-interval"
 TURNED = module.turned
 NAMES, RUNS, STEPS = ("one input", "no input, two outputs"), 4, 80
 
@@ -156,11 +158,7 @@ def test_a_plant_the_whole_way(tmp_path, monkeypatch):
     (("told", "d_hi", 0, 0), "d_hi"), (("told", "M_hi", 1, 0, 0), "d_|a_"), (("d_lo", 1, 0), "d_lo"),
     (("v_hi", 0), "v_hi"), (("told", "x_hi", 0), "x")])
 def test_tampering_is_caught(place, words):
-    data = designed().observer.tables["float32"].to_dict()
-    inner = data
-    for key in place[:-1]:
-        inner = inner[key]
-    inner[place[-1]] = inner[place[-1]] * 0.3
+    data = scaled(designed().observer.tables["float32"].to_dict(), place, 0.3)
     with pytest.raises(CertificateError, match=words):
         claims_of(designed().plant, GuidedTables.from_dict(data), designed().certificate["float32"])
 
@@ -175,11 +173,7 @@ def test_an_estimator_alone_bears_parameters():
         claims_of(loads(kept.plant.text.replace("[-0.1, 0.1], rate", "[-0.15, 0.15], rate")), own, cert)
 
 
-@pytest.mark.parametrize("old, new, words", [
-    ("known = false", "known = true", "observer.modes says how the mode is found"),
-    ("minimum_dwell = 1", "", "cannot be found there: no dwell time is declared"),
-    ('modes = "sliding"', 'modes = "sliding"\nages = 3', 'ages is given, which modes = "set" alone'),
-    ('modes = "sliding"', 'blank = 0.2', 'blank is given, which modes = "sliding" alone')])
+@pytest.mark.parametrize("old, new, words", REFUSED)
 def test_refusals(old, new, words):
     with pytest.raises(DesignError, match=words):
         codegen.design(loads(CHOSEN.replace(old, new).replace("30.25", "30").replace("60.5", "60")))
@@ -188,14 +182,7 @@ def test_refusals(old, new, words):
 # ---------------------------------------------------------------------------------------------- the independent checker
 
 
-@pytest.fixture(scope="module")
-def checker():
-    """The part for guided framers, in this process."""
-    sys.path.insert(0, str(CHECKER.parent))
-    try:
-        yield __import__("independent_guided")
-    finally:
-        sys.path.remove(str(CHECKER.parent))
+checker = checker_of("guided")
 
 
 @lru_cache
@@ -205,12 +192,7 @@ def printed():
 
 
 def test_the_checker_proves_it_too_and_reads_its_c(checker, tmp_path, capsys):
-    data = json.loads(designed().to_json())
-    for part in ("tables", "certificate"):
-        data[part] = {"float32": data[part]["float32"]}
-    for end, text in zip("ch", printed()):
-        (tmp_path / f"valve.{end}").write_text(text)
-    assert checker.sliding.main(tmp_path, data, {"prefix": "valve", "real": "float32"}) == 0  # which hands it over
+    is_proved(checker, designed(), printed(), tmp_path)
     assert "the framers hold x while the decision is right" in capsys.readouterr().out
 
 

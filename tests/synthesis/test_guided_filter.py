@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import re
-import sys
 from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
+from helpers.checker import checker_of, is_proved, refuses_changes
 from helpers.guided_filter import CHOSEN, designed, made, tables
 from helpers.small_modes import exact_course
-from helpers.small_sliding import plant
-from synthesis.test_independent import CHECKER
+from helpers.small_sliding import REFUSED, plant
+from helpers.tampering import scaled
 
 import codegen
 from codegen.analysis import panels, plots, sliding_measure
@@ -145,21 +143,13 @@ def test_the_estimate_is_drawn_and_where_it_is_beyond_its_bound(designed):
     (("told", "x_hi", 0), 0.9, "ranges of x"),
     (("told", "y_hi", 0), 0.9, "y_hi is beyond"), (("told", "floor",), 0.0, "floor")])
 def test_tampering_is_caught(place, factor, words, designed):
-    data = designed.observer.tables["float32"].to_dict()
-    inner = data
-    for key in place[:-1]:
-        inner = inner[key]
-    inner[place[-1]] = np.multiply(inner[place[-1]], factor).tolist()
+    data = scaled(designed.observer.tables["float32"].to_dict(), place, factor)
     with pytest.raises(CertificateError, match=words):
         claims_of(designed.plant, GuidedFilterTables.from_dict(data), designed.certificate["float32"])
 
 
 @pytest.mark.parametrize("old, new, words", [
-    ("known = false", "known = true", "observer.modes says how the mode is found"),
-    ("minimum_dwell = 1", "", "cannot be found there: no dwell time is declared"),
-    ('kind = "continuous"', 'kind = "discrete"', "cannot be found there: needs a continuous plant"),
-    ('modes = "sliding"', 'modes = "sliding"\nages = 3', 'ages is given, which modes = "set" alone'),
-    ('modes = "sliding"', 'blank = 0.2', 'blank is given, which modes = "sliding" alone'),
+    *REFUSED, ('kind = "continuous"', 'kind = "discrete"', "cannot be found there: needs a continuous plant"),
     ('modes = "sliding"', 'modes = "sliding"\nthreshold = "calibrated"', 'expected "guaranteed"')])
 def test_refusals(old, new, words):
     text = CHOSEN.replace(old, new)
@@ -170,14 +160,7 @@ def test_refusals(old, new, words):
 
 # ---------------------------------------------------------------------------------------------- the independent checker
 
-@pytest.fixture(scope="module")
-def checker():
-    """The part for guided filters, in this process."""
-    sys.path.insert(0, str(CHECKER.parent))
-    try:
-        yield __import__("independent_guided_filter")
-    finally:
-        sys.path.remove(str(CHECKER.parent))
+checker = checker_of("guided_filter")
 
 
 @pytest.fixture(scope="module")
@@ -187,12 +170,7 @@ def printed(designed):
 
 
 def test_the_checker_proves_it_too_and_reads_its_c(checker, designed, printed, tmp_path, capsys):
-    data = json.loads(designed.to_json())
-    for part in ("tables", "certificate"):
-        data[part] = {"float32": data[part]["float32"]}
-    for end, text in zip("ch", printed):
-        (tmp_path / f"valve.{end}").write_text(text)
-    assert checker.sliding.main(tmp_path, data, {"prefix": "valve", "real": "float32"}) == 0  # which hands it over
+    data = is_proved(checker, designed, printed, tmp_path)
     assert "no estimate is beyond its bound without a fault" in capsys.readouterr().out
     data["tables"]["float32"]["told"]["h"][0][4][1][0] *= 0.3
     with pytest.raises(SystemExit, match="refused"):
@@ -200,7 +178,7 @@ def test_the_checker_proves_it_too_and_reads_its_c(checker, designed, printed, t
 
 
 CHANGES = ((r"(begun\[VALVE_MODES\]\[VALVE_NS\] = \{\s*\{ )[^,]*,", r"\g<1>0.5F,"),
-           (r"(threshold\[\w+\].*?\{ \{ )(?=[\d])", r"\g<1>1"),
+           (r"(?s)(threshold\[\w+\].*?\{ \{ )(?=[\d])", r"\g<1>1"),
            (r"(limit\[VALVE_NS\] = \{\s*)", r"\g<1>1"),
            (r"(uint32_t raw;\n\n    if \(!kept\))", r"const float a = 1.5F; \1"),
            (r">> (\d)U\) : \(VALVE_ROWS", r">> 1\1U) : (VALVE_ROWS"))
@@ -208,10 +186,4 @@ CHANGES = ((r"(begun\[VALVE_MODES\]\[VALVE_NS\] = \{\s*\{ )[^,]*,", r"\g<1>0.5F,
 
 def test_the_checker_refuses_another_c(checker, designed, printed):
     (text, header), t = printed, designed.observer.tables["float32"].to_dict()
-    checker.check_source(text, header, t, "valve")
-    for pattern, new in CHANGES:
-        other, count = re.subn(pattern, new, text, count=1, flags=re.S)
-        assert count == 1 and other != text, pattern
-        with pytest.raises(SystemExit, match="refused"):
-            checker.check_source(other, header, t, "valve")
-            pytest.fail(pattern)
+    refuses_changes(lambda source: checker.check_source(source, header, t, "valve"), text, CHANGES)

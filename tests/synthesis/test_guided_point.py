@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import re
-import sys
 from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
 from flint import arb
+from helpers.checker import checker_of, is_proved, refuses_changes
 from helpers.guided_point import CHOSEN, designed, plant, stand_in, tables, told
 from helpers.small_modes import exact_course
-from synthesis.test_independent import CHECKER
+from helpers.small_sliding import REFUSED
+from helpers.tampering import scaled
 
 import codegen
 from codegen.analysis import sliding_measure
@@ -142,21 +142,13 @@ def test_report_says_what_is_not_promised(designed):
     (("told", "shape", "g", 0, 0), "g|e"), (("told", "M", 1, 0, 0), "g|e"), (("d_lo", 1, 0), "d_lo"),
     (("v_hi", 0), "v_hi"), (("told", "x_hi", 0), "x")])
 def test_tampering_is_caught(place, words, designed):
-    data = designed.observer.tables["float32"].to_dict()
-    inner = data
-    for key in place[:-1]:
-        inner = inner[key]
-    inner[place[-1]] = np.multiply(inner[place[-1]], 0.3).tolist()
+    data = scaled(designed.observer.tables["float32"].to_dict(), place, 0.3)
     with pytest.raises(CertificateError, match=words):
         claims_of(designed.plant, GuidedPointTables.from_dict(data), designed.certificate["float32"])
 
 
 @pytest.mark.parametrize("old, new, words", [
-    ("known = false", "known = true", "observer.modes says how the mode is found"),
-    ("minimum_dwell = 1", "", "cannot be found there: no dwell time is declared"),
-    ('kind = "continuous"', 'kind = "discrete"', "cannot be found there: needs a continuous plant"),
-    ('modes = "sliding"', 'modes = "sliding"\nages = 3', 'ages is given, which modes = "set" alone'),
-    ('modes = "sliding"', 'blank = 0.2', 'blank is given, which modes = "sliding" alone'),
+    *REFUSED, ('kind = "continuous"', 'kind = "discrete"', "cannot be found there: needs a continuous plant"),
     ('set = "interval"', 'tables = "arbitrary"', 'expected "none" or "dwell"')])
 def test_refusals(old, new, words):
     text = CHOSEN.replace(old, new)
@@ -167,23 +159,11 @@ def test_refusals(old, new, words):
 
 # ---------------------------------------------------------------------------------------------- the independent checker
 
-@pytest.fixture(scope="module")
-def checker():
-    """The part for guided point observers, in this process."""
-    sys.path.insert(0, str(CHECKER.parent))
-    try:
-        yield __import__("independent_guided_point")
-    finally:
-        sys.path.remove(str(CHECKER.parent))
+checker = checker_of("guided_point")
 
 
 def test_the_checker_proves_it_too_and_reads_its_c(checker, designed, printed, tmp_path, capsys):
-    data = json.loads(designed.to_json())
-    for part in ("tables", "certificate"):
-        data[part] = {"float32": data[part]["float32"]}
-    for end, text in zip("ch", printed):
-        (tmp_path / f"valve.{end}").write_text(text)
-    assert checker.sliding.main(tmp_path, data, {"prefix": "valve", "real": "float32"}) == 0  # which hands it over
+    is_proved(checker, designed, printed, tmp_path)
     assert "while the decision is right, error and residual stay in their boxes" in capsys.readouterr().out
 
 
@@ -191,11 +171,7 @@ def test_the_checker_proves_it_too_and_reads_its_c(checker, designed, printed, t
     (("told", "shape", "g"), 0.9, "g"), (("told", "M"), 1.1, ""), (("told", "x_hi"), 0.9, "range of x"),
     (("told", "y_hi"), 0.5, "accepted beyond")])
 def test_the_checker_refuses_what_is_false(way, factor, words, checker, designed):
-    data = designed.observer.tables["float32"].to_dict()
-    inner = data
-    for key in way[:-1]:
-        inner = inner[key]
-    inner[way[-1]] = (np.array(inner[way[-1]]) * factor).tolist()
+    data = scaled(designed.observer.tables["float32"].to_dict(), way, factor)
     with pytest.raises(SystemExit, match=f"refused.*{words}"):
         checker.check_joint(data)
         checker.follower.check_told(data, designed.certificate["float32"]["told"], checker.read_sampled(CHOSEN))
@@ -208,13 +184,7 @@ CHANGES = ((r"(size\[VALVE_TOLD_MODES\]\[VALVE_TOLD_NX\]\[\w+\] = \{\s*\{[^{]*\{
 
 def test_the_checker_refuses_another_c(checker, designed, printed):
     (text, header), t = printed, designed.observer.tables["float32"].to_dict()
-    checker.check_source(text, header, t, "valve")
-    for pattern, new in CHANGES:
-        other, count = re.subn(pattern, new, text, count=1)
-        assert count == 1 and other != text, pattern
-        with pytest.raises(SystemExit, match="refused"):
-            checker.check_source(other, header, t, "valve")
-            pytest.fail(pattern)
+    refuses_changes(lambda source: checker.check_source(source, header, t, "valve"), text, CHANGES)
 
 
 def test_the_checker_reads_a_table(checker):

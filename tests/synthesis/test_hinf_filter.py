@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from helpers.filters import farhat
 
 from codegen.algebra.automaton import arbitrary, dwell_time
 from codegen.algebra.dwell import admissible
@@ -20,7 +21,6 @@ from codegen.synthesis.hinf_analysis import stability_margin
 from codegen.synthesis.hinf_condition import conditioned, is_skewed, unscaled
 from codegen.synthesis.hinf_problem import Block, elementwise, problem_of, repeated
 from codegen.synthesis.hinf_weights import post_scaling, scaled, weight, weighted
-from tests.helpers.filters import farhat
 
 # (uncertain, weights) -> certified level, gain of the worst run there (dossier: an independent implementation)
 LEVELS = {(False, False): (0.3077, 0.3074), (False, True): (0.0616, 0.0561), (True, False): (0.3118, 0.3105),

@@ -9,6 +9,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.descriptors import example, plant
+from helpers.pencils import CHAPTER_4
 
 from codegen.certify.polytope_detection import check
 from codegen.errors import CertificateError, DesignError
@@ -19,8 +21,6 @@ from codegen.synthesis.descriptor_gains import StandardGains
 from codegen.synthesis.descriptor_lmi import Bounds
 from codegen.synthesis.descriptor_problem import DescriptorProblem, Scaling, kernel_of
 from codegen.synthesis.hminus_hinf import Faults
-from tests.helpers.descriptors import example, plant
-from tests.helpers.pencils import CHAPTER_4
 
 FREQUENCIES = [0.0, *np.geomspace(1e-2, 1e5, 150)]
 #: Printed in section 4.4.

@@ -11,9 +11,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from helpers.checker import CHECKER
 
 ROOT = Path(__file__).resolve().parents[2]
-CHECKER = ROOT / "codegen" / "certify" / "independent.py"
 FOLDERS = sorted(p.parent for p in (ROOT / "generated").glob("*/prove_*.c"))  # pairs of framers
 
 

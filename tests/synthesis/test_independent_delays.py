@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import copy
 import json
-import sys
 
 import numpy as np
 import pytest
+from helpers.checker import checker_of
 from helpers.kept import KEPT, family_of
 from helpers.small_modes import exact_course, plant, tables
-from synthesis.test_independent import CHECKER
 
 from codegen.certify.mode_certificate import claims_on
 from codegen.certify.mode_claims import Claims
@@ -25,14 +24,7 @@ FOLDERS = [f for f in KEPT if family_of(f) in ("mode", "driven")]
 TWO = next(f for f in FOLDERS if family_of(f) == "driven")  # modes: the quickest
 
 
-@pytest.fixture(scope="module")
-def checker():
-    """The parts for delays, in this process."""
-    sys.path.insert(0, str(CHECKER.parent))
-    try:
-        yield __import__("independent_delays"), __import__("independent_story")
-    finally:
-        sys.path.remove(str(CHECKER.parent))
+checker = checker_of("delays", "story", "hidden")
 
 
 def data_of(folder):
@@ -56,7 +48,7 @@ def refuses(checker, change, words, folder=TWO):
     data = copy.deepcopy(data)
     change(data["certificate"]["float32"], data["tables"]["float32"], data)
     with pytest.raises(SystemExit, match=f"refused: .*({words})"):
-        checker[0].check(data, "float32", ranges)
+        checker["delays"].check(data, "float32", ranges)
 
 
 def scaled(key, factor):
@@ -106,7 +98,7 @@ FALSE = {
 @pytest.mark.parametrize("name", FALSE)
 def test_refuses_what_is_not_proved(name, checker):
     data, ranges = data_of(TWO)
-    assert checker[0].check(data, "float32", ranges) == "delays hold, faults of the sizes told are found"
+    assert checker["delays"].check(data, "float32", ranges) == "delays hold, faults of the sizes told are found"
     refuses(checker, *FALSE[name])
 
 
@@ -139,8 +131,9 @@ def test_rows_are_those_of_the_proof(real, checker):
     t, cert = design.observer.tables[real], design.certificate[real]
     p, widths = bounded(design.plant), np.array(cert["widths"])
     own = Claims(t, p.limits("x"), p.limits("u"), cert["dwell"], cert["horizon"]).course(widths)
-    other = checker[1].Stories(t.to_dict(), list(zip(*(x.tolist() for x in p.limits("x")))), checker[0].exact(
-        widths.tolist()))
+    F, exact = checker["delays"].F, checker["delays"].exact
+    other = checker["story"].Stories(t.to_dict(), list(zip(*(x.tolist() for x in p.limits("x")))),
+                                     exact(widths.tolist()))
     for story in (Story(0, 1, 0), Story(0, 1, 1, -1), Story(1, 0, 0, 1), Story(0, 0, 1, None, 1, "start"),
                   Story(1, 1, 1, 0, 0, "start"), Story(0, 0, 1, 0)):
         first = min(0, story.born or 0)
@@ -150,7 +143,7 @@ def test_rows_are_those_of_the_proof(real, checker):
         assert sum(len(right) for _, right in blocks[0]) == len(program.rows)
         for at in rng.choice(len(program.rows), 25, replace=False):
             y = np.eye(1, len(program.rows), int(at))[0]
-            mine, theirs = float(program.exactly(y, {})), float(other.bound(blocks, [(int(at), checker[0].F(1))]))
+            mine, theirs = float(program.exactly(y, {})), float(other.bound(blocks, [(int(at), F(1))]))
             assert abs(mine - theirs) <= 2e-5 * (1 + abs(mine)), (story, at)
 
 
@@ -158,12 +151,10 @@ def test_rows_with_a_fault_are_those_of_the_proof(checker):
     design, rng = read_design(TWO), np.random.default_rng(2)
     t, cert, p = design.observer.tables["float32"], design.certificate["float32"], bounded(design.plant)
     claims, widths = claims_on(p, t, cert), np.array(cert["widths"])
-    own, exact = FaultCourse(claims, widths, -np.ones(1), np.array([0.2, -0.1]), np.zeros(2), 0.5), checker[0].exact
-    sys.path.insert(0, str(CHECKER.parent))
-    hidden = __import__("independent_hidden")
-    sys.path.remove(str(CHECKER.parent))
-    other = hidden.FaultStories(t.to_dict(), list(zip(*(x.tolist() for x in p.limits("x")))), exact(widths.tolist()),
-                                exact([-1.0]), exact([0.2, -0.1]), 0, checker[0].F(1, 2))
+    own = FaultCourse(claims, widths, -np.ones(1), np.array([0.2, -0.1]), np.zeros(2), 0.5)
+    F, exact = checker["delays"].F, checker["delays"].exact
+    other = checker["hidden"].FaultStories(t.to_dict(), list(zip(*(x.tolist() for x in p.limits("x")))),
+                                           exact(widths.tolist()), exact([-1.0]), exact([0.2, -0.1]), 0, F(1, 2))
     for story in (Story(0, 0, 0), Story(1, 1, 0, -2), Story(0, 0, 1, 0)):
         first = min(-1, story.born or -1)
         program, _ = own.told(story, first, 1)
@@ -173,7 +164,7 @@ def test_rows_with_a_fault_are_those_of_the_proof(checker):
         for at in rng.choice(len(program.rows), 40, replace=False):
             y = np.eye(1, len(program.rows), int(at))[0]
             mine = float(program.exactly(y, {at_f: 1.0}))
-            theirs = float(other.bound(blocks, [(int(at), checker[0].F(1))], {other.at: checker[0].F(1)}))
+            theirs = float(other.bound(blocks, [(int(at), F(1))], {other.at: F(1)}))
             assert abs(mine - theirs) <= 2e-5 * (1 + abs(mine)), (story, at)
 
 
@@ -184,7 +175,7 @@ def test_rows_hold_what_the_estimator_does(spoil, checker):
     data, worst, seen = t.to_dict(), 0.0, 0
     if spoil:
         data[spoil] = (0.3 * np.array(data[spoil])).tolist()
-    F, ranges = checker[0].F, list(zip(*(x.tolist() for x in p.limits("x"))))
+    F, part, ranges = checker["delays"].F, checker["story"], list(zip(*(x.tolist() for x in p.limits("x"))))
     for seed in range(6):
         run, estimator = exact_course(p, 12, 30, seed), ModeSet(t)
         state, boxes = estimator.start(), []
@@ -200,7 +191,7 @@ def test_rows_hold_what_the_estimator_does(spoil, checker):
                     continue
                 story = (q[k], q[k + 1], wrong, born, None, "settled")
                 widths = [F(float(b - a)) for a, b in zip(*(boxes[k][s][q[k], ages] for s in (0, 1)))]
-                stories = checker[1].Stories(data, ranges, widths)
+                stories = part.Stories(data, ranges, widths)
                 program, z, c = stories.program(story, 0, 1), [], None
                 for i, at in ((k, (q[k], ages)), (k + 1, (mode, ages if born is None else 0))):
                     xi = [sum((F(float(s)) * F(float(v.mid())) for s, v in zip(row, run.x[i])), F(0)) for row in t.S]
@@ -210,7 +201,7 @@ def test_rows_hold_what_the_estimator_does(spoil, checker):
                     if c is None:
                         c = y + [(a + b) / 2 for a, b in zip(lo, hi)][len(y):]
                     else:
-                        moved = checker[1].total(checker[1].times(stories.t["Phi"][q[k + 1]], c), checker[1].times(
+                        moved = part.total(part.times(stories.t["Phi"][q[k + 1]], c), part.times(
                             stories.t["Gamma"][q[k + 1]], z[2:2 + len(u)]), stories.t["shift"][q[k + 1]])
                         c = y + moved[len(y):]
                     z += [*xi, *u, *y, *lo, *hi, *c]
@@ -235,3 +226,16 @@ def test_multipliers_keep_few_digits():
     for name, text in words.items():
         numbers = [int(w) for w in text.split()[2::2]]
         assert all(0 < n < (2**17 if kept[name][2] is None else 2**54) for n in numbers)
+
+
+@pytest.mark.parametrize("offset", [0.0, 5.0, -5.0])
+def test_measurements_of_a_story_reach_as_far_as_those_of_the_plant(offset, checker):
+    """Noise of one sign too: were some of them left out, what is proved would not hold where they are met."""
+    data, ranges = data_of(TWO)
+    t = data["tables"]["float32"]
+    t = t | {key: [offset + v for v in t[key]] for key in ("v_lo", "v_hi")}
+    stories = checker[1].Stories(t, ranges, checker[0].exact(data["certificate"]["float32"]["widths"]))
+    _, lo, hi, _ = stories.program((0, 0, 1, 0, None, "settled"), 0, 1)
+    y, p = len(t["S"]) + len(t["u_lo"]), len(t["v_lo"])
+    assert all(a <= b + c for a, b, c in zip(lo[y:y + p], t["wide_lo"], t["v_lo"], strict=False))
+    assert all(a >= b + c for a, b, c in zip(hi[y:y + p], t["wide_hi"], t["v_hi"], strict=False))

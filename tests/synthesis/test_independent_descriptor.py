@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.checker import checker_of
 from helpers.folders import write
 from helpers.scripts import ROOT
 from helpers.solved import stand_in
 from helpers.solved import tables as stand_in_tables
+from helpers.tampering import scaled
 from synthesis.test_descriptor_direct import held, samples
-from synthesis.test_independent import CHECKER
-from synthesis.test_independent_polytopic import C, T, scaled
+from synthesis.test_independent_polytopic import C, T
 
 from codegen.certify.descriptor_error import descriptor_errors
 from codegen.observers.descriptor import of_pivots
@@ -28,15 +28,8 @@ FOLDERS = {name: ROOT / "generated" / folder for name, folder in (
     ("contact", "disc_contact_descriptor-direct"), ("digester", "digester_descriptor-fault-estimation"))}
 
 
-@pytest.fixture(scope="module")
-def checker():
-    """The parts of the checker, in this process."""
-    sys.path.insert(0, str(CHECKER.parent))
-    try:
-        yield {name: __import__(f"independent_{name}") for name in (
-            "descriptor", "faults", "polytopic", "sector", "formula", "bend", "blend", "weights", "drift", "pairs")}
-    finally:
-        sys.path.remove(str(CHECKER.parent))
+checker = checker_of("descriptor", "faults", "polytopic", "sector", "formula", "bend", "blend", "weights",
+               "drift", "pairs")
 
 
 @cache

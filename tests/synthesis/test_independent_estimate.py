@@ -4,25 +4,18 @@ from __future__ import annotations
 
 import copy
 import json
-import sys
 from functools import cache
 
 import pytest
+from helpers.checker import checker_of
 from helpers.folders import write
+from helpers.tampering import scaled
 from synthesis.test_fault_weights import tank
-from synthesis.test_independent import CHECKER
-from synthesis.test_independent_polytopic import C, T, scaled
+from synthesis.test_independent_polytopic import C, T
 
 from codegen.assurance.claims import claims
 
-
-@pytest.fixture(scope="module")
-def check():
-    sys.path.insert(0, str(CHECKER.parent))
-    try:
-        yield __import__("independent_faults").main
-    finally:
-        sys.path.remove(str(CHECKER.parent))
+checker = checker_of("faults")
 
 
 @cache
@@ -39,8 +32,8 @@ def record(folder):
     return json.loads((folder / "resources.json").read_text())
 
 
-def test_proves_what_the_claims_say_it_does(check, folder, capsys):
-    check(folder, data(), record(folder))
+def test_proves_what_the_claims_say_it_does(checker, folder, capsys):
+    checker.main(folder, data(), record(folder))
     said = capsys.readouterr().out
     assert "around the faults, with rounding, energy gain, contraction" in said and "constants of tank.c" in said
     named = {c.id for c in claims(tank(), "float32") if "independent" in c.checks}
@@ -56,9 +49,9 @@ def test_proves_what_the_claims_say_it_does(check, folder, capsys):
     ((*C, "energy", "contraction"), 0.9, "contraction at"), ((*C, "energy", "P2", 0, 0), 0.5, "energy gain|P1, P2"),
     ((*C, "energy", "R", 5, 1), 0.5, "energy gain"), ((*C, "thresholds", "bounds", 0, 0), 0.95, "not kept"),
 ])
-def test_refuses_what_is_not_proved(path, factor, words, check, folder):
+def test_refuses_what_is_not_proved(path, factor, words, checker, folder):
     with pytest.raises(SystemExit, match=f"refused: .*(?:{words})"):
-        check(folder, scaled(data(), path, factor), record(folder))
+        checker.main(folder, scaled(data(), path, factor), record(folder))
 
 
 @pytest.mark.parametrize("old, new, words", [
@@ -68,21 +61,21 @@ def test_refuses_what_is_not_proved(path, factor, words, check, folder):
     ("range = [4, 10] }]\nu", "range = [4, 11] }]\nu", "range|not kept|energy"),
     ("Df = [[1], [0]]", "Df = [[0.9], [0]]", "energy gain|not kept|threshold"),
 ])
-def test_refuses_another_plant(old, new, words, check, folder):
+def test_refuses_another_plant(old, new, words, checker, folder):
     out = copy.deepcopy(data())
     assert old in out["plant"]["toml"]
     out["plant"]["toml"] = out["plant"]["toml"].replace(old, new, 1)
     with pytest.raises(SystemExit, match=f"refused: .*(?:{words})"):
-        check(folder, out, record(folder))
+        checker.main(folder, out, record(folder))
 
 
-def test_refuses_another_c_and_does_not_know_calibrated_bounds(check, folder, tmp_path):
+def test_refuses_another_c_and_does_not_know_calibrated_bounds(checker, folder, tmp_path):
     out = copy.deepcopy(data())
     out["certificate"]["float32"]["calibration"] = {}
     with pytest.raises(SystemExit) as stopped:
-        check(folder, out, record(folder))
+        checker.main(folder, out, record(folder))
     assert stopped.value.code == 2
     for name in ("tank.c", "tank.h"):
         (tmp_path / name).write_text((folder / name).read_text().replace("x_hat[2] = s->z[2]", "x_hat[2] = s->z[0]"))
     with pytest.raises(SystemExit, match="refused: .*x_hat"):
-        check(tmp_path, data(), record(folder))
+        checker.main(tmp_path, data(), record(folder))

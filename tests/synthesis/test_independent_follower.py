@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import copy
 import re
-import sys
 from functools import cache
 
 import pytest
+from helpers.checker import checker_of, refuses_changes
 from helpers.follower import CASES, PLANTS, stand_in, told
-from synthesis.test_independent import CHECKER
+from helpers.tampering import scaled
 
 from codegen.emit import files
 
@@ -17,14 +16,7 @@ LAYOUTS = {"zonotope": "literal", "box": "loop", "ellipsoid": "table", "table": 
            "between": "loop"}
 
 
-@pytest.fixture(scope="module")
-def checker():
-    """The part for followers, in this process."""
-    sys.path.insert(0, str(CHECKER.parent))
-    try:
-        yield __import__("independent_follower")
-    finally:
-        sys.path.remove(str(CHECKER.parent))
+checker = checker_of("follower")
 
 
 @cache
@@ -74,18 +66,9 @@ FALSE = {  # case, what of the tables, factor, words
 
 @pytest.mark.parametrize("what", FALSE)
 def test_refuses_false_tables(what, checker):
-    name, (*way, last), factor, words = FALSE[what]
-    data = copy.deepcopy(tables(name))
-    inner = data
-    for key in way:
-        inner = inner[key]
-
-    def change(value):
-        return [change(v) for v in value] if isinstance(value, list) else value * factor
-
-    inner[last] = change(inner[last])
+    name, path, factor, words = FALSE[what]
     with pytest.raises(SystemExit, match=f"refused: .*({words})"):
-        proves(checker, name, data)
+        proves(checker, name, scaled(tables(name), path, factor))
 
 
 def test_refuses_another_plant(checker):
@@ -105,12 +88,7 @@ CHANGES = (  # of the C of the box: what, what instead
 
 def test_changed_c_is_refused(checker):
     text, header = printed("box")
-    for pattern, new in CHANGES:
-        other, count = re.subn(pattern, new, text, count=1)
-        assert count == 1 and other != text, pattern
-        with pytest.raises(SystemExit, match="refused: "):
-            checker.check_source(other, header, tables("box"), "valve")
-            pytest.fail(pattern)
+    refuses_changes(lambda source: checker.check_source(source, header, tables("box"), "valve"), text, CHANGES)
 
 
 TABLE_CHANGES = (  # of the C of the table: sizes of a start, and what it is compared with
@@ -122,10 +100,4 @@ TABLE_CHANGES = (  # of the C of the table: sizes of a start, and what it is com
 def test_changed_table_is_refused(checker):
     text, header = printed("table")
     bare = re.sub(r"/\*.*?\*/", "", text)
-    checker.check_source(bare, header, tables("table"), "valve")
-    for pattern, new in TABLE_CHANGES:
-        other, count = re.subn(pattern, new, bare, count=1)
-        assert count == 1 and other != bare, pattern
-        with pytest.raises(SystemExit, match="refused: "):
-            checker.check_source(other, header, tables("table"), "valve")
-            pytest.fail(pattern)
+    refuses_changes(lambda source: checker.check_source(source, header, tables("table"), "valve"), bare, TABLE_CHANGES)

@@ -10,23 +10,17 @@ import sys
 from functools import cache
 
 import pytest
+from helpers.checker import CHECKER, checker_of, refuses_changes
 from helpers.kept import OTHERS, family_of
 from helpers.scripts import prefix_of
 from helpers.small_modes import PLANTS, stand_in
-from synthesis.test_independent import CHECKER
+from helpers.tampering import scaled
 
 FILES = sorted(CHECKER.parent.glob("independent*.py"))
 NAMES = {p.stem for p in FILES}
 
 
-@pytest.fixture(scope="module")
-def checker():
-    """The parts of the checker, in this process."""
-    sys.path.insert(0, str(CHECKER.parent))
-    try:
-        yield {name: __import__(f"independent_{name}") for name in ("filter", "energy", "births", "sliding", "bank")}
-    finally:
-        sys.path.remove(str(CHECKER.parent))
+checker = checker_of("filter", "energy", "births", "sliding", "bank", "period")
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.name)
@@ -58,19 +52,6 @@ FILTER = {
     "P": ((*C, "energy", "P", 0, 0, 0), 1.01, "energy gain"), "P not symmetric": (
         (*C, "energy", "P", 0, 0, 1), 1.01, "Lyapunov"), "dwell time": ((*C, "dwell_add"), 3, "dwell"),
 }
-
-
-def scaled(data, path, factor):
-    """A copy with one number changed: scaled, or a whole number put in its place."""
-    data = copy.deepcopy(data)
-    *way, last = path
-    place = data
-    for key in way:
-        place = place[key]
-    assert place[last] != factor
-    place[last] = factor if isinstance(place[last], int) else place[last] * factor
-    assert place[last] is not None
-    return data
 
 
 @pytest.mark.parametrize("name", FILTER)
@@ -193,18 +174,15 @@ SLIDING = {
 
 
 @pytest.fixture(scope="module")
-def period():
+def period(checker):
     """The exponentials of the committed plant, calculated once."""
     made = {}
 
     def of(module, modes, unit, T):
         if str(modes) not in made:
-            made[str(modes)] = Plant(modes, unit, T)
+            made[str(modes)] = checker["period"].Plant(modes, unit, T)
         return made[str(modes)]
 
-    sys.path.insert(0, str(CHECKER.parent))
-    Plant = __import__("independent_period").Plant  # noqa: N806
-    sys.path.remove(str(CHECKER.parent))
     return of
 
 
@@ -324,13 +302,7 @@ def test_refuses_another_c(family, part, checker):
     folder, data = folder_of(family)
     prefix, check = prefix_of(folder), checker[part].check_source
     text, header = ((folder / f"{prefix}.{end}").read_text() for end in "ch")
-    check(text, header, data["tables"]["float32"], prefix)
-    for pattern, new in CHANGES[family]:
-        other, count = re.subn(pattern, new, text, count=1)
-        assert count == 1 and other != text, pattern
-        with pytest.raises(SystemExit, match="refused: "):
-            check(other, header, data["tables"]["float32"], prefix)
-            pytest.fail(pattern)
+    refuses_changes(lambda source: check(source, header, data["tables"]["float32"], prefix), text, CHANGES[family])
     other, count = re.subn(r"(#define \w+_(?:LOST|OLDEST|DWELL|NF) )\d+U", r"\g<1>3U", header)
     assert count
     with pytest.raises(SystemExit, match="refused: (?:macro|ages)"):

@@ -5,15 +5,15 @@ from __future__ import annotations
 import copy
 import json
 import re
-import sys
 from fractions import Fraction
 from functools import cache
 
 import numpy as np
 import pytest
+from helpers.checker import checker_of, refuses_changes
 from helpers.kept import OTHERS, family_of
 from helpers.scripts import prefix_of
-from synthesis.test_independent import CHECKER
+from helpers.tampering import scaled
 from synthesis.test_polytopic_near import TANK
 
 from codegen.plant.load import loads
@@ -25,15 +25,7 @@ FOLDERS = {f.name.partition("_")[0]: f for f in OTHERS if family_of(f) == "polyt
 CHECKED = [name for name in FOLDERS if name != "digester"]
 
 
-@pytest.fixture(scope="module")
-def checker():
-    """The parts of the checker, in this process."""
-    sys.path.insert(0, str(CHECKER.parent))
-    try:
-        yield {name: __import__(f"independent_{name}") for name in (
-            "polytopic", "pairs", "sector", "blend", "drift", "near", "formula", "weights")}
-    finally:
-        sys.path.remove(str(CHECKER.parent))
+checker = checker_of("polytopic", "pairs", "sector", "blend", "drift", "near", "formula", "weights")
 
 
 @cache
@@ -144,18 +136,6 @@ FALSE = {
     "a weight": ((*T, "weights", "constants", 4), 1.01, "between 0 and 1"),
     "a premise": ((*T, "weights", "constants", 3), 1.01, "between 0 and 1"),
 }
-
-
-def scaled(data, path, factor):
-    """A copy with one number changed: scaled, or a whole number put in its place."""
-    data = copy.deepcopy(data)
-    *way, last = path
-    place = data
-    for key in way:
-        place = place[key]
-    assert place[last] != factor
-    place[last] = factor if isinstance(place[last], int) else place[last] * factor
-    return data
 
 
 @pytest.mark.parametrize("name", FALSE)
@@ -280,12 +260,6 @@ def test_refuses_another_c(name, checker):
     folder, data, check = FOLDERS[name], data_of(name), checker["blend"].check_source
     prefix = prefix_of(folder)
     text, header = ((folder / f"{prefix}.{end}").read_text() for end in "ch")
-    check(text, header, data["tables"]["float32"], prefix)
-    for pattern, new in CHANGES[name]:
-        other, count = re.subn(pattern, new, text, count=1)
-        assert count == 1 and other != text, pattern
-        with pytest.raises(SystemExit, match="refused: "):
-            check(other, header, data["tables"]["float32"], prefix)
-            pytest.fail(pattern)
+    refuses_changes(lambda source: check(source, header, data["tables"]["float32"], prefix), text, CHANGES[name])
     with pytest.raises(SystemExit, match="refused: macro"):
         check(text, re.sub(r"(#define \w+_LAST )\d+U", r"\g<1>3U", header), data["tables"]["float32"], prefix)

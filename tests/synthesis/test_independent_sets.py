@@ -8,9 +8,10 @@ import re
 import shutil
 
 import pytest
+from helpers.checker import CHECKER
 from helpers.kept import POINTS, family_of
 from helpers.scripts import GENERATED, prefix_of
-from synthesis.test_independent import CHECKER, run
+from synthesis.test_independent import run
 
 FILES = sorted(CHECKER.parent.glob("independent*.py"))
 

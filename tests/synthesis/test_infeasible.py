@@ -120,7 +120,10 @@ CASES = {
         "base: observer.lambda is True, expected a number from 0 to 1."),
     "gains no table": (
         GOOD, "interval", {"gains": 3},
-        "base: observer.gains is 3, expected a table."),
+        "base: observer.gains is 3, expected a table with L, one matrix per mode, at least."),
+    "no gains": (
+        GOOD, "zonotope", {"gains": {}},
+        "base: observer.gains is {}, expected a table with L, one matrix per mode, at least."),
     "gains of the wrong shape": (
         GOOD, "interval", {"gains": {"L": [[0.1], [0.2]]}},
         "base: observer.gains.L_hi has shape (2, 1), expected (2, 2, 1) finite numbers (one matrix "

@@ -8,11 +8,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from flint import fmpq
+from helpers import driven, follower, small_modes, trailing
+from helpers.attack import attacked
 
 from codegen.certify.ellipsoids import segments
 from codegen.observers import FAMILIES
-from tests.helpers import driven, follower, small_modes, trailing
-from tests.helpers.attack import attacked
 
 AGES = 3
 #: Plants of each family whose bounds an adversary comes close to; the first, "between" and "hidden" switch within

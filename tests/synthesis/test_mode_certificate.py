@@ -240,3 +240,46 @@ def test_promises_are_held_against_runs():
     assert mode_promise.late("continuous", cert, run, slow, outcome.settled) == 40 - (30 + cert["identified"][0][1]) + 1
     wrong = replace(trace, mode_set=np.where(np.arange(100) % 20 == 7, 1 << (1 - run.q), trace.mode_set))
     assert judge(p, p.scenarios[0], run, wrong, []).lost == 5
+
+
+ALIKE = """
+format = 1
+name = "one"
+[time]
+kind = "discrete"
+sample_period = 0.1
+[signals]
+x = [{ name = "level", range = [-1, 1] }]
+y = [{ name = "level", range = [-9, 9] }]
+w = [{ name = "feed", bounds = [1, 1] }]
+v = [{ name = "noise", bounds = [3, 3.001] }]
+f = [{ name = "sensor", range = [-1, 1] }]
+[initial]
+x_lo = [0.5]
+x_hi = [0.6]
+[common]
+C = [[1]]
+Dv = [[1]]
+Df = [[1]]
+[[mode]]
+name = "slow"
+A = [[0.5]]
+Bw = [[-0.5]]
+[[mode]]
+name = "quick"
+A = [[0.1]]
+Bw = [[-0.9]]
+[switching]
+known = false
+minimum_dwell = 2
+[observer]
+method = "mode-set"
+"""
+
+
+@pytest.mark.parametrize("noise", ["[3, 3.001]", "[-3.001, -3]"])
+def test_noise_of_one_sign_proves_nothing_by_itself(noise):
+    """Both modes rest where x = -1, whatever the offset in y: nobody can tell them apart there."""
+    p = loads(ALIKE.replace("[3, 3.001]", noise))
+    with pytest.raises(CertificateError, match="slow and quick cannot be told apart"):
+        mode_certificate.prove(p, tables_of(ModeTables, p, AGES, "float64"), 8)

@@ -4,16 +4,16 @@ at corners of every bound; less is not promised, nor what looks like a switch.""
 from __future__ import annotations
 
 import copy
-import sys
 from dataclasses import replace
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.checker import checker_of
 from helpers.kept import KEPT, family_of
 from helpers.reports import StandInDriver
 from helpers.small_modes import TEXT, tables
-from synthesis.test_independent import CHECKER
 
 from codegen.analysis.mode_promise import missed, within_range
 from codegen.analysis.promised import names, trials
@@ -27,6 +27,7 @@ from codegen.plant.bounded import bounded
 from codegen.plant.load import loads
 from codegen.plant.model import Fault, Scenario
 from codegen.plant.simulate import simulate
+from codegen.report.mode_words import detection
 
 FOLDERS = {family_of(f): f for f in KEPT if family_of(f) in ("mode", "follower", "trailing")}
 
@@ -127,6 +128,16 @@ def test_tampering_is_caught(key, change):
         mode_certificate.check(plant, observer.tables["float32"], wrong)
 
 
+def test_what_a_promise_asks_of_a_push_is_said():
+    """On the state of a continuous plant it is held from a sample on; half a period before that is another story."""
+    promise = {"channel": "sensor", "size": 0.5, "within": 1, "after": 20}
+    for text, said in ((TEXT, False), (TEXT.replace("Df = [[1]]", "Bf = [[0.3], [-1]]"), True)):
+        made = SimpleNamespace(plant=loads(text), certificate={"float32": {"faults": [promise]}})
+        words = mode_certificate._seen(made.plant, promise, str)
+        assert ("if it begins at a sample, 20 or more after power-up" in words) == said == ("x stays" in words)
+        assert any("begin at a sample" in note for note in detection(made, "float32").notes) == said
+
+
 def test_nothing_is_promised_where_nothing_is_asked():
     made = design("follower")
     cert, t = made.certificate["float32"], made.observer.tables["float32"]
@@ -134,14 +145,7 @@ def test_nothing_is_promised_where_nothing_is_asked():
     assert [f["within"] for f in mode_certificate.found_faults(bounded(made.plant), t, cert, 1)] == [1]
 
 
-@pytest.fixture(scope="module")
-def checker():
-    """The independent parts, in this process."""
-    sys.path.insert(0, str(CHECKER.parent))
-    try:
-        yield __import__("independent_delays"), __import__("independent_hidden")
-    finally:
-        sys.path.remove(str(CHECKER.parent))
+checker = checker_of("delays", "hidden")
 
 
 def without(words):
@@ -171,11 +175,11 @@ def test_the_independent_checker_refuses_what_is_not_proved(change, match, check
     data = {"plant": {"toml": plant.text}, "tables": {"float32": observer.tables["float32"].to_dict()},
             "certificate": {"float32": copy.deepcopy(cert)}}
     if change is None:
-        assert checker[0].check(data, "float32", ranges) == "delays hold, faults of the sizes told are found"
+        assert checker["delays"].check(data, "float32", ranges) == "delays hold, faults of the sizes told are found"
         return
     change(data["certificate"]["float32"], data)
     with pytest.raises(SystemExit, match=f"refused: .*({match})"):
-        checker[0].check(data, "float32", ranges)
+        checker["delays"].check(data, "float32", ranges)
 
 
 @pytest.mark.parametrize("text", [TEXT, None], ids=["continuous", "discrete"])
@@ -191,7 +195,7 @@ def test_the_push_of_a_fault_is_that_of_the_plant(text, checker):
         moved = simulate(plant, replace(scenario, fault=(Fault(0, 0, 1, "0.5"),)), seed=1)
         assert np.allclose(t.S @ (moved.x[1] - still.x[1]), 0.5 * of.pushed[q], rtol=0, atol=1e-9)
         assert np.max(np.abs(of.pushed[q])) > 1e-3
-    found = checker[1].columns(__import__("tomllib").loads(plant.text), 0, checker[0].exact(t.S.tolist()))
+    found = checker["hidden"].columns(__import__("tomllib").loads(plant.text), 0, checker["delays"].exact(t.S.tolist()))
     for q, (seen, pushed, room) in enumerate(found):
         assert [float(s) for s in seen] == of.seen[q].tolist() and float(room) < 1e-40
         assert np.all(np.abs(np.array([float(x) for x in pushed]) - of.pushed[q]) <= of.off[q] + 1e-16)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import copy
 import json
-import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.checker import checker_of
 from helpers.small_modes import TEXT
 from scipy.linalg import expm
-from synthesis.test_independent import CHECKER
 
 from codegen.assurance import mode_claims
 from codegen.assurance.claims import Claim
@@ -95,14 +94,12 @@ def test_false_certificates_are_refused(made):
             mode_certificate.check(made.plant, t, cert | {key: cert[key] - 1})
 
 
+delays = checker_of("delays")
+
+
 @pytest.fixture(scope="module")
-def checked(made):
+def checked(made, delays):
     """The independent checker on what design.json would say, with changes."""
-    sys.path.insert(0, str(CHECKER.parent))
-    try:
-        delays = __import__("independent_delays")
-    finally:
-        sys.path.remove(str(CHECKER.parent))
     whole = json.loads(json.dumps({"plant": {"toml": made.plant.text}, "tables": {"float32": made.t.to_dict()},
                                    "certificate": {"float32": made.cert}}))
 

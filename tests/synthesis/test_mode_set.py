@@ -7,19 +7,20 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from helpers.modes import DWELL, course, example, tables
 from scipy.linalg import expm
 from scipy.optimize import linprog
 
 from codegen.analysis.mode_distinguishability import distinguishability
 from codegen.certify.mode_claims import Claims, certify_delays
-from codegen.certify.mode_delay import Course, Program, Story, survival
+from codegen.certify.mode_delay import Course, Story, survival
+from codegen.certify.mode_program import Program
 from codegen.errors import CertificateError, DesignError
 from codegen.observers import ModeTables
 from codegen.observers.mode_set import ModeSet, ModeState
 from codegen.plant.load import load
 from codegen.plant.model import Signal
 from codegen.synthesis.mode_tables import coordinates, tables_of
-from tests.helpers.modes import DWELL, course, example, tables
 
 # (period s, noise) -> ages, certified delay in samples (an earlier certificate by pairs of samples alone: 3, 6, 9)
 CASES = {(0.001, 0.0): (4, 3), (0.005, 0.02): (6, 4), (0.010, 0.05): (8, 5)}

@@ -8,6 +8,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from flint import arb
+from helpers.driven import NOISY
+from helpers.folders import built, write
+from helpers.small_modes import exact_course
+from helpers.tampering import scaled
+from helpers.trailing import AGES, PLANTS, PUSHED, made, plant, tables
 
 import codegen
 from codegen.analysis import mode_promise, plots, replay
@@ -22,10 +27,6 @@ from codegen.plant.load import loads
 from codegen.report import trailing_words
 from codegen.report.firmware_words import _matrix
 from codegen.report.words import at_most
-from tests.helpers.driven import NOISY
-from tests.helpers.folders import built, write
-from tests.helpers.small_modes import exact_course
-from tests.helpers.trailing import AGES, PLANTS, PUSHED, made, plant, tables
 
 RUNS, STEPS = 5, 45
 
@@ -263,11 +264,7 @@ def test_validation_notices_a_bound_that_is_too_low():
 def test_tampering_with_a_design_is_caught(place, words):
     """A constant of the filters, of the estimator, or of what joins them."""
     design = whole()
-    data = design.observer.tables["float32"].to_dict()
-    inner = data
-    for key in place[:-1]:
-        inner = inner[key]
-    inner[place[-1]] = (np.array(inner[place[-1]]) * (1.4 if place[-1] == "M" else 0.3)).tolist()
+    data = scaled(design.observer.tables["float32"].to_dict(), place, 1.4 if place[-1] == "M" else 0.3)
     with pytest.raises(CertificateError, match=words):
         codegen.designs.claims_of(design.plant, TrailingTables.from_dict(data), design.certificate["float32"])
 

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flint import arb
+from helpers.filters import bicycle, vehicle, vehicle_data
+from helpers.tools import need
 from scipy.linalg import expm
 
 from codegen.algebra.cover import Cover, sampled_cover
@@ -20,8 +22,6 @@ from codegen.errors import CertificateError
 from codegen.plant.record import DATA_FOLDER
 from codegen.selection.filters import design_filter
 from codegen.synthesis import fault_filter, hinf_filter
-from tests.helpers.filters import bicycle, vehicle, vehicle_data
-from tests.helpers.tools import need
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 

@@ -16,7 +16,7 @@ import pytest
 from helpers.designs import stand_in
 from helpers.folders import write
 from helpers.kept import KEPT, POINTS, family_of
-from helpers.points import VARIANTS, point_design, random_plant
+from helpers.points import made
 from helpers.scripts import load
 from helpers.tools import need
 
@@ -110,9 +110,8 @@ def test_a_law_takes_what_is_stated_whatever_the_data(tmp_path):
 
 @pytest.mark.parametrize("name", OTHERS)
 def test_stand_ins_of_points(name, tmp_path):
-    plant, options = VARIANTS[name]
     real = ("float32", "float64")[len(name) % 2]
-    folder = write(point_design(random_plant(**plant), **options), tmp_path / "pt", real)
+    folder = write(made(name), tmp_path / "pt", real)
     calls = operations.count(operations.build(folder, tmp_path))[0]
     assert operations.excess(folder, calls) == []
     assert operations.stated(folder)["add"] <= 1.25 * max(c.add for c in calls)

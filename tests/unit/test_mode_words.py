@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib.colors
 import numpy as np
 import pytest
 from rich.console import Console
@@ -17,6 +18,7 @@ from helpers.folders import write  # noqa: E402
 from helpers.small_modes import TEXT  # noqa: E402
 
 from codegen import show, show_modes  # noqa: E402
+from codegen.analysis import panels, plots  # noqa: E402
 from codegen.analysis.mode_distinguishability import inapplicable  # noqa: E402
 from codegen.analysis.replay import replay  # noqa: E402
 from codegen.designs import read_design  # noqa: E402
@@ -104,3 +106,33 @@ def test_comparison_has_the_estimator_once():
     assert [v.options for v in variants() if v.method == "mode-set"] == [{}]
     design = read_design(FOLDER)
     assert dwell_of(design) == design.certificate["float32"]["ages"] + 1 == 7
+
+
+def bars(axis, colour: str) -> list:
+    """Rows and times of the bars of one colour, (row, from, to)."""
+    return [(round(box.y0 + box.height / 2), box.x0, box.x1) for c in axis.collections
+            if matplotlib.colors.to_hex(c.get_facecolor()[0]) == colour.lower() for box in
+            (path.get_extents() for path in c.get_paths())]
+
+
+def test_true_possible_and_decided_modes_are_drawn():
+    design = read_design(FOLDER.parent / "valve_lpv-interval")
+    truth = simulate(design.plant, design.plant.scenarios[0].name)
+    trace = design.observer.run(truth.u, truth.y, theta=truth.theta)
+    run = plots.whole(design.plant, truth, trace)
+
+    def strip(shown):
+        (axis,) = (a for a in plots.residual_figure(shown).axes if a.get_title(loc="left").startswith("Mode: "))
+        return axis
+
+    axis, period = strip(run), design.plant.sample_period
+    possible, true = bars(axis, panels.BAND), bars(axis, panels.MODE)
+    assert len(true) >= 2 and len(possible) >= len(true)
+    assert all(any(a == row and b <= start + 1e-9 and stop - 1e-9 <= c for a, b, c in possible)
+               for row, start, stop in true)
+    assert np.array_equal(axis.lines[0].get_ydata(), trace.mode) and axis.lines[0].get_xdata()[1] == period
+    # A set without the true mode shows as dark beside light; a record has no true mode to be drawn.
+    lost = strip(replace(run, trace=replace(trace, mode_set=trace.mode_set & ~np.uint32(1))))
+    assert not any(row == 0 for row, *_ in bars(lost, panels.BAND)) and bars(lost, panels.MODE) == true
+    record = strip(replace(run, truth=replace(truth, x=np.full_like(truth.x, np.nan))))
+    assert not bars(record, panels.MODE) and "true" not in record.get_title(loc="left")
