@@ -101,7 +101,7 @@ static void any_framers(T(state) *s)
         const T(real) most = whole.box_hi[at];
 
         s->box_lo[i] = between(least, most) * ((draw(8U) == 0U) ? 1024 : 1);
-        s->box_hi[i] = s->box_lo[i] + ((most - least) / (T(real))(1U << draw(12U)));
+        s->box_hi[i] = s->box_lo[i] + (between(0, most - least) / (T(real))(1U << draw(12U)));
     }
     for (uint32_t q = 0U; q < M(MODES); q++)
     {
@@ -123,6 +123,25 @@ static void any_framers(T(state) *s)
     plant_filters(s, 1, draw);
 #endif
     s->decided = draw(M(MODES));
+    if (draw(2U) == 0U) /* where a measurement can please every mode: what comes after the boxes decides */
+    {
+        for (uint32_t i = 0U; i < M(NSHAPE); i++)
+        {
+            s->box_lo[i] = whole.box_lo[(M(OLDEST) * M(NX)) + (i % M(NX))];
+            s->box_hi[i] = whole.box_hi[(M(OLDEST) * M(NX)) + (i % M(NX))];
+        }
+        for (uint32_t q = 0U; q < M(MODES); q++)
+        {
+            s->alive[q] = (uint32_t)1U << M(OLDEST);
+        }
+#if CASE_HAS_FILTERS
+        for (uint32_t i = 0U; i < M(NXI); i++)
+        {
+            s->told_xi[i] /= (T(real))(1U << draw(17U));
+        }
+        s->running |= (draw(4U) != 0U) ? (((uint32_t)1U << M(MODES)) - 1U) : 0U;
+#endif
+    }
 }
 #elif CASE_SLIDING
 #include "sliding_states.h"
@@ -195,6 +214,10 @@ static void any_framers(T(state) *s)
 }
 #endif
 
+#if CASE_POINT || CASE_BOXES || CASE_SLIDING
+#include "random_edges.h"
+#endif
+
 #if CASE_POINT
 /* A mode in which the set keeps its place in the tables. */
 static void any_mode(bench *b)
@@ -217,67 +240,6 @@ static void any_mode(bench *b)
 #endif
 }
 
-/* A measurement between two, cut to its range. */
-static void place(T(in) *in, const T(real) *quiet, const T(real) *ray, T(real) share)
-{
-    for (uint32_t i = 0U; i < M(NY); i++)
-    {
-        in->y[i] = quiet[i] + (share * ray[i]);
-        in->y[i] = (in->y[i] < y_lo[i]) ? y_lo[i] : ((in->y[i] > y_hi[i]) ? y_hi[i] : in->y[i]);
-    }
-}
-
-/* The bits that a step would answer to it, of those asked for. */
-static uint32_t tried(const bench *b, uint32_t bits)
-{
-    bench trial = *b;
-
-    (void)T(step)(&trial.s, &trial.in, &trial.out);
-    return trial.out.raw & bits;
-}
-
-/*
- * A measurement at the edge of an alarm, to the last bit: what every threshold decides, along some ray. The edge is
- * either that of all alarms or that of the alarm of all outputs together, which others would hide.
- */
-static void any_edge(bench *b)
-{
-    const uint32_t bits = ((M(BITS) == M(NY)) || (draw(4U) == 0U)) ? 0xFFFFFFFFU : ((uint32_t)1U << M(NY));
-    const uint32_t alone = draw(8U * M(NY)); /* along one output, or between all */
-    T(real) quiet[M(NY)] = { 0 };
-    T(real) ray[M(NY)] = { 0 };
-    T(real) inside = 0;
-    T(real) beyond = 1;
-    T(real) middle = (T(real))0.5;
-
-    for (uint32_t k = 0U; k < 3U; k++)
-    {
-        bench trial = *b;
-
-        (void)T(step)(&trial.s, &trial.in, &trial.out);
-        for (uint32_t i = 0U; i < M(NY); i++)
-        {
-            quiet[i] = trial.in.y[i] - trial.out.r[i];
-            ray[i] = ((alone < M(NY)) && (alone != i)) ? 0 : (trial.out.r_bound[i] * between(-4, 4));
-        }
-        place(&b->in, quiet, ray, 0);
-    }
-    while ((middle > inside) && (middle < beyond))
-    {
-        place(&b->in, quiet, ray, middle);
-        if (tried(b, bits) != 0U)
-        {
-            beyond = middle;
-        }
-        else
-        {
-            inside = middle;
-        }
-        middle = (inside + beyond) / 2;
-        middle = (beyond < (T(real))0.0001) ? 0 : middle; /* an edge at nothing is none */
-    }
-    place(&b->in, quiet, ray, (draw(2U) == 0U) ? inside : beyond);
-}
 /* The estimate, or the set, so many times as large. */
 static bench grown(const bench *b, uint32_t set, T(real) times)
 {
@@ -373,6 +335,17 @@ uint32_t random_calls(uint32_t part)
                 {
                     any_edge(&b);
                 }
+#elif CASE_BOXES || CASE_SLIDING
+                if (draw(4U) != 0U)
+                {
+                    any_edge(&b);
+                }
+#if CASE_GUIDES_POINT || CASE_FOLLOWS
+                if (draw(8U) == 0U)
+                {
+                    any_told_limit(&b);
+                }
+#endif
 #endif
             }
             digest += (uint32_t)((draw(4U) != 0U) ? T(step)(&b.s, &b.in, &b.out) : T(predict)(&b.s, &b.in, &b.out));

@@ -10,6 +10,7 @@ need("gcc")
 mutate = load("mutate")
 SMALL = next(folder for folder in GENERATED if folder.name == "cart_tnl-interval")
 LAW = next(folder for folder in GENERATED if folder.name == "quadrotor_tracking")
+GUIDED = next(folder for folder in GENERATED if folder.name == "vessel_hinf-filter")
 SET = next(folder for folder in GENERATED if folder.name == "zammali_ellipsoid_ellipsoid")
 
 
@@ -42,6 +43,22 @@ def test_edges_decide(monkeypatch):
     assert tried > 1 and survived == []
     monkeypatch.setattr(mutate.Bench, "digests", lambda self: [])  # without the random calls one survives
     assert any("[[0.0F=>0.001F]]" in s for s in mutate.survivors(SET)[1])
+
+
+def test_a_mode_estimator_and_what_it_guides(monkeypatch):
+    """Zero at the very edge of a mode's test, and a row of thresholds that counts only while the decision is kept."""
+    every = mutate.mutants
+
+    def two(text):
+        named = [(m, m.describe(text)) for m in every(text)]
+        edges = [m for m, name in named if re.search(r"_holds: if .*\[\[<==><\]\] 0", name)]
+        rows = [m for m, name in named if re.search(r"_beyond: \{ \{ .*=>\((?!-)", name)]
+        return [edges[0], rows[-1]]
+
+    monkeypatch.setattr(mutate, "mutants", two)
+    assert mutate.survivors(GUIDED) == (2, [])
+    monkeypatch.setattr(mutate.Bench, "digests", lambda self: [])  # without the random calls both survive
+    assert len(mutate.survivors(GUIDED)[1]) == 2
 
 
 def test_every_kind_is_made():
