@@ -1,127 +1,104 @@
-"""Noise that hides a fault from a point observer as well as any noise can: a linear program along a mode sequence.
+"""An adversary that hides a step of a fault from a mode estimator: a linear program over the plant as it is.
 
-Shares no code with ``analysis``: the residual is made from the plant and the gains, the sets are those that the
-reference carries at run time.
+From power-up on it picks the first state, inputs, disturbances, noise and the size of the fault at once, the box of the
+true mode's hypothesis beside them. A box that is no larger than cut and prediction allow lives exactly where that of
+the estimator does, so the program meets the estimator, but for its rounding; the plant is that of the file.
 """
 
-from fractions import Fraction
+from __future__ import annotations
 
 import numpy as np
-from flint import fmpq, fmpq_mat
+from scipy.linalg import expm
 from scipy.optimize import linprog
 
-from codegen.algebra import zonotope
+from codegen.algebra.interval import neg, pos
+from codegen.observers.mode_set import ModeSet
 
-ANGLES = np.pi * np.arange(32) / 32
-ROUND = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1)
-
-
-def bounds_along(design, real, q):
-    """Directions and the largest |d' r| without an alarm at every sample of a mode sequence, from the reference."""
-    t, run = design.observer.tables[real], design.observer
-    z, n_y = t.shape, t.C.shape[1]
-    sets, origin = [], np.array([t.origins - 1])
-    D = np.concatenate([np.eye(n_y), getattr(z, "directions", np.zeros((0, n_y))).astype(float)])
-    half = ((t.x0_hi - t.x0_lo) / 2)[None].astype(t.dtype)
-    H = run.whole(t, half, True)
-    for k, mode in enumerate(q):
-        now = np.array([mode])
-        if k:
-            last = np.array([q[k - 1]])
-            H = run.moved(t, last, now, origin, H, True)
-            origin = last if t.kind == "tnl" else np.zeros(1, int)
-        if run.family == "thresholds":
-            sets.append((z.directions.astype(float), z.h[run._row(t, now, H)][0].astype(float)))
-        elif run.family == "box":
-            sets.append((D, run.judged(t, now, origin, H, np.zeros((1, n_y), t.dtype))[0][0].astype(float)))
-        elif run.family == "zonotope":
-            R = np.concatenate([t.C[mode].astype(float) @ H[0], z.V[mode, origin[0]].astype(float)], axis=1)
-            edges = np.concatenate([D, zonotope.normals(R)]) if n_y == 2 or z.pairs else D
-            length = np.linalg.norm(edges, axis=1, keepdims=True)
-            edges = (edges / np.where(length > 0, length, 1.0))[length[:, 0] > 0]
-            sets.append((edges, np.abs(edges @ R).sum(axis=1) + np.abs(edges) @ z.rho[mode].astype(float)))
-        else:
-            C = t.C[mode].astype(float)
-            if run.family == "ellipsoid_trace":
-                R = run.shape_of_residuals(t, now, origin, H)[0].astype(float)
-            else:
-                R = z.gr[mode].astype(float) * C @ H[0].astype(float) @ C.T + z.V[mode, origin[0]]
-            tangents = ROUND @ np.linalg.inv(np.linalg.cholesky(R)) if n_y == 2 else D
-            sets.append((tangents, np.sqrt(np.einsum("di,ij,dj->d", tangents, R, tangents))))
-    return sets
+Array = np.ndarray
 
 
-def effects(plant, t, q, onset, channel):
-    """What each noise at its largest does to the residuals from the onset on, and what a unit step does."""
-    K, n_w, n_v = len(q), plant.n_w, plant.n_v
-    L, N = t.L.astype(float), t.N.astype(float)
-    modes = [plant.modes[p] for p in q]
-    total = K * (n_w + n_v) + 1  # all of w, all of v, the fault
-    w, read = np.zeros((K, plant.n_w, total)), np.zeros((K, plant.n_y, total))
-    for k, m in enumerate(modes):
-        w[k, :, k * n_w:(k + 1) * n_w] = np.diag((m.w_hi - m.w_lo) / 2)
-        first = K * n_w + k * n_v
-        read[k, :, first:first + n_v] = m.Dv * ((m.v_hi - m.v_lo) / 2)
-        read[k, :, -1] = m.Df[:, channel] * (k >= onset)
-    e, out = np.zeros((plant.n_x, total)), []
-    for k, (p, m) in enumerate(zip(q, modes)):
-        out.append(m.C @ e + read[k])
-        if k + 1 < K:
-            pushed = m.A @ e + m.Bw @ w[k]
-            pushed[:, -1] += m.Bf[:, channel] * (k >= onset)
-            e = (np.eye(plant.n_x) - N[p] @ m.C) @ pushed - L[p] @ out[-1] - N[p] @ read[k + 1]
-    out = np.array(out)[onset:]
-    return out[..., :-1], out[..., -1]
+class Rows:
+    """Rows of a linear program over boxed variables."""
+
+    def __init__(self):
+        self.lo, self.hi, self.rows, self.right = [], [], [], []
+
+    def variables(self, lo, hi) -> Array:
+        """Indices of new ones."""
+        self.lo, self.hi = [*self.lo, *lo], [*self.hi, *hi]
+        return np.arange(len(self.lo) - len(lo), len(self.lo))
+
+    def below(self, right, *terms) -> None:
+        """Sum of M z[idx] <= right, for (M, idx) in terms."""
+        self.rows.append((terms, len(right)))
+        self.right += list(right)
+
+    def most(self, index: int) -> Array | None:
+        """The point where one variable is largest; None where there is none."""
+        A, at = np.zeros((len(self.right), len(self.lo))), 0
+        for terms, count in self.rows:
+            for M, idx in terms:
+                A[at:at + count, idx] += M
+            at += count
+        found = linprog(-np.eye(len(self.lo))[index], A_ub=A, b_ub=self.right, bounds=[*zip(self.lo, self.hi)])
+        return found.x if found.success else None
 
 
-def hide(sets, G, r, size=None):
-    """Noise z for which a step stays inside at every sample: as large a step as possible, or of a given size.
+def step_of(plant, q: int, j: int) -> tuple[Array, ...]:
+    """A, B, Bw and column j of Bf over a period; disturbances and the fault are held."""
+    m, n = plant.modes[q], plant.n_x
+    columns = np.hstack([m.B, m.Bw, m.Bf[:, [j]]])
+    if plant.kind == "discrete":
+        A = m.A
+    else:
+        whole = np.zeros((n + columns.shape[1],) * 2)
+        whole[:n] = np.hstack([m.A, columns])
+        A, columns = np.split(expm(whole * plant.sample_period)[:n], [n], axis=1)
+    return A, *np.split(columns, [m.B.shape[1], m.B.shape[1] + m.Bw.shape[1]], axis=1)
 
-    Returns the size (or, for a given one, how far inside: below 1 is hidden) and z.
+
+def hidden(plant, t, q: int, j: int, sign: int, promise: dict) -> tuple[float, Array, Array]:
+    """The largest step of fault j that mode q's own hypothesis outlives for the samples promised; its u and y.
+
+    Parameters
+    ----------
+    plant : Plant
+        Without parameters.
+    t : ModeTables
+    q, j, sign : int
+    promise : dict
+        "within" and "after".
     """
-    count, rows, most = G.shape[2], [], []
-    for (D, h), noise, effect in zip(sets, G, r):
-        for sign in (1.0, -1.0):
-            own = sign * D @ noise / h[:, None]
-            last = sign * D @ effect / h
-            if size is None:
-                rows.append(np.concatenate([own, last[:, None]], axis=1))
-                most.append(np.ones(len(h)))
-            else:
-                rows.append(np.concatenate([own, -np.ones((len(h), 1))], axis=1))
-                most.append(-size * last)
-    goal = np.zeros(count + 1)
-    goal[-1] = -1.0 if size is None else 1.0
-    scale = 1.0 if size is not None else max(np.max(np.abs(row[:, -1])) for row in rows) or 1.0
-    rows = np.concatenate(rows)
-    rows[:, -1] /= scale
-    found = linprog(goal, A_ub=rows, b_ub=np.concatenate(most), bounds=[(-1, 1)] * count + [(0, None)])
-    if found.status == 3:
-        return np.inf, None
-    return found.x[-1] / scale, found.x[:-1]
+    start, m, out, n, p = promise["after"] + 1, plant.modes[q], Rows(), plant.n_x, plant.n_y
+    (A, B, Bw, Bf), unit, d = step_of(plant, q, j), np.eye(n), sign * m.Df[:, [j]]
+    up, down = pos(t.Phi[q].astype(float)), neg(t.Phi[q].astype(float))
+    f, x = out.variables([0], [plant.f[j].hi if sign > 0 else -plant.f[j].lo]), out.variables(plant.x0_lo, plant.x0_hi)
+    kept, before = [], None
+    for k in range(start + promise["within"] + 1):
+        u, v, w = (out.variables(*ends) for ends in (plant.limits("u"), (m.v_lo, m.v_hi), (m.w_lo, m.w_hi)))
+        lo, hi = out.variables(-t.limit, t.limit), out.variables(-t.limit, t.limit)
+        on, first = float(k >= start), unit[:p]
+        out.below(t.v_hi, (m.C, x), (m.Dv, v), (on * d, f), (-first, lo))
+        out.below(-t.v_lo, (-m.C, x), (-m.Dv, v), (-on * d, f), (first, hi))
+        out.below(np.zeros(n), (unit, lo), (-unit, hi))
+        if before is None:
+            out.below(-t.start_lo, (-unit, lo))
+            out.below(t.start_hi, (unit, hi))
+        else:
+            a, b, held = before
+            out.below(t.reach[q] - t.shift[q], (-unit, lo), (up, a), (-down, b), (t.Gamma[q], held))
+            out.below(t.reach[q] + t.shift[q], (unit, hi), (-up, b), (down, a), (-t.Gamma[q], held))
+        before, state = (lo, hi, u), x
+        kept.append((x, u, v, on))
+        x = out.variables(*plant.limits("x"))
+        for s in (1, -1):
+            out.below(np.zeros(n), (s * unit, x), (-s * A, state), (-s * B, u), (-s * Bw, w), (-s * sign * on * Bf, f))
+    z = out.most(f[0])
+    size = z[f]
+    us = np.array([z[u] for _, u, _, _ in kept])
+    return float(size[0]), us, np.array([m.C @ z[x] + m.D @ z[u] + m.Dv @ z[v] + on * d @ size for x, u, v, on in kept])
 
 
-def played(plant, q, z, onset, channel, size, real):
-    """Outputs of the plant in rational arithmetic under that noise, rounded as the firmware reads them."""
-    def exact(a):
-        return fmpq_mat(*np.shape(a), [fmpq(*float(x).as_integer_ratio()) for x in np.ravel(a)])
-
-    def one(a):
-        return exact(np.reshape(a, (-1, 1)))
-
-    modes = [{k: exact(getattr(m, k)) for k in ("A", "C", "Bw", "Dv", "Bf", "Df")} for m in plant.modes]
-    K, n_w, n_v = len(q), plant.n_w, plant.n_v
-    z = np.round(np.clip(z, -1, 1) * 2**20) / 2**20
-    shares = np.resize(z[:K * n_w], (K, n_w)), np.resize(z[K * n_w:], (K, n_v))
-    x, y = (one(plant.x0_lo) + one(plant.x0_hi)) * fmpq(1, 2), np.empty((K, plant.n_y))
-    for k, p in enumerate(q):
-        m, noise = modes[p], []
-        for name, share in zip("wv", shares):
-            lo, hi = (one(getattr(plant.modes[p], f"{name}_{side}")) for side in ("lo", "hi"))
-            half = (hi - lo) * fmpq(1, 2)
-            noise.append(lo + half + exact(np.diag(share[k])) * half)
-        f = one([size if j == channel and k >= onset else 0.0 for j in range(plant.n_f)])
-        out = m["C"] * x + m["Dv"] * noise[1] + m["Df"] * f
-        y[k] = [float(Fraction(int(a.p), int(a.q))) for a in out.entries()]
-        x = m["A"] * x + m["Bw"] * noise[0] + m["Bf"] * f
-    return y.astype(real)
+def alarmed(t, u: Array, y: Array) -> bool:
+    """Whether the estimator finds anything."""
+    return any(answer.alarm for answer in ModeSet(t).run(u, y))

@@ -234,7 +234,7 @@ def test_measurements_of_a_story_reach_as_far_as_those_of_the_plant(offset, chec
     data, ranges = data_of(TWO)
     t = data["tables"]["float32"]
     t = t | {key: [offset + v for v in t[key]] for key in ("v_lo", "v_hi")}
-    stories = checker[1].Stories(t, ranges, checker[0].exact(data["certificate"]["float32"]["widths"]))
+    stories = checker["story"].Stories(t, ranges, checker["delays"].exact(data["certificate"]["float32"]["widths"]))
     _, lo, hi, _ = stories.program((0, 0, 1, 0, None, "settled"), 0, 1)
     y, p = len(t["S"]) + len(t["u_lo"]), len(t["v_lo"])
     assert all(a <= b + c for a, b, c in zip(lo[y:y + p], t["wide_lo"], t["v_lo"], strict=False))
