@@ -35,7 +35,7 @@ static void any_framers(T(state) *s)
     }
     s->decided = draw(M(MODES) + 1U);
     s->best = draw(M(MODES) + 1U);
-    s->age = draw(2U * M(BLANK) + 3U);
+    s->age = (draw(16U) == 0U) ? (M(OLDEST) - draw(2U)) : draw(2U * M(BLANK) + 3U);
     s->since = draw(M(DWELL) + 2U);
     s->last = draw(M(DWELL) + 2U);
     s->fresh = draw(M(EVERY) + 1U) & draw(M(EVERY) + 1U);
