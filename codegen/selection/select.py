@@ -27,7 +27,10 @@ WITHIN = 3  # samples after the onset, where the plant file does not say
 
 
 def first_certified(plant: Plant, names: list[str], options: dict, progress: Callable[[str], None]) -> Design:
-    """The first of some methods that certifies; what the first of them says where none does.
+    """The first of some methods that certifies thresholds within the ranges.
+
+    A certificate may be about thresholds that no residual within the ranges passes: then the next methods are tried,
+    and the first one that certified is taken where these do no better.
 
     Parameters
     ----------
@@ -43,15 +46,24 @@ def first_certified(plant: Plant, names: list[str], options: dict, progress: Cal
     Raises
     ------
     DesignError, CertificateError
-        Of the first method.
+        None certifies; says what was wrong with the first.
     """
-    failures = []
+    failures, spare = [], None
+    lo, hi = plant.limits("y")
     for name in names:
         try:
-            return choose(plant, name, options, progress)
+            design = choose(plant, name, options, progress)
         except (DesignError, CertificateError) as error:
             progress(f"{name}: {error}")
             failures.append(error)
+            continue
+        h = design.observer.tables[plant.target.real].h[-1]
+        if np.any(h < hi - lo):
+            return design
+        progress(f"{name}: certified, but no residual within the ranges of y passes its thresholds")
+        spare = spare or design
+    if spare is not None:
+        return spare
     first = failures[0]
     others = [name for name, m in METHODS.items() if name not in names and m.module.inapplicable(plant) is None]
     advice = f" Or name another method that applies: {', '.join(others)}." if others else ""
