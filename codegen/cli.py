@@ -221,6 +221,27 @@ def compare_(plant, out, names, orders):
         click.echo(f"wrote {save(out, found, rows)}")
 
 
+@main.command("campaign", context_settings=HELP)
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("-n", "runs", default=100, show_default=True, type=click.IntRange(1, 100_000),
+              help="Runs without fault, and with each size of each.")
+@click.option("--seed", default=0, show_default=True, help="Seed of the random runs.")
+def campaign_(folder, runs, seed):
+    """Inject faults into random runs of the C; false alarms, found."""
+    from .campaign import campaign
+    from .designs import read_checked
+    from .host.build import build
+    from .pipeline import require
+
+    made = read_checked(folder)
+    with Progress() as progress:
+        progress("compiling")
+        driver = build(folder)
+        rows = campaign(made, driver, runs, seed, progress)
+    show.campaign(made, rows)
+    require(made, driver.real, [o for row in rows for o in row.outcomes])
+
+
 @main.command(context_settings=HELP)
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.argument("log", type=click.Path(path_type=Path))

@@ -212,6 +212,20 @@ def outcomes(design, results) -> None:
     out.print(rows)
 
 
+def campaign(design, rows) -> None:
+    """Print what injected faults gave; delays in samples."""
+    page = table("fault injection on the compiled C", "fault", "size", "runs", "false alarms", "found", "median delay",
+                 "longest delay", "guaranteed")
+    units = {f.name: f.unit for f in design.plant.f}
+    for r in rows:
+        share = f"{100 * len(r.delays) / r.runs:.1f} %" if r.channel else "-"
+        late = [f"{np.median(r.delays):g}", f"{r.delays[-1]}"] if r.delays else ["-", "-"]
+        size = f"{number(r.size)} {units[r.channel]}".rstrip() if r.channel else "-"
+        page.add_row(r.channel or "none", size, str(r.runs), f"in {r.alarmed}" if r.alarmed else "0", share, *late,
+                     f"in {r.promised} runs" if r.promised else "-")
+    out.print(page)
+
+
 def folder(path: Path) -> None:
     """Print where the results lie."""
     out.print(f"\nfirmware: {path}")

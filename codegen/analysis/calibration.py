@@ -110,8 +110,8 @@ def losses(population: Population, runs: int, seed: int = 0) -> Array:
     return out
 
 
-def fault_free_runs(plant: Plant, population: Population, runs: int, seed: int = 0) -> list[PlantTrace]:
-    """Simulate independent runs without fault.
+def drawn(plant: Plant, population: Population, runs: int, seed: int = 0) -> list[tuple[Scenario, int]]:
+    """Draw independent runs without fault: the scenario of each, and the seed of its signals.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def fault_free_runs(plant: Plant, population: Population, runs: int, seed: int =
 
     Returns
     -------
-    list of PlantTrace
+    list of (Scenario, int)
 
     Raises
     ------
@@ -142,7 +142,29 @@ def fault_free_runs(plant: Plant, population: Population, runs: int, seed: int =
         asked = replace(own, name="runs without fault", steps=population.steps, mode=mode, w=population.w,
                         v=population.v, theta=population.theta, fault=())
         out.append((asked, int(rng.integers(2**63))))
-    return simulate_all(plant, out)
+    return out
+
+
+def fault_free_runs(plant: Plant, population: Population, runs: int, seed: int = 0) -> list[PlantTrace]:
+    """Simulate what ``drawn`` draws.
+
+    Parameters
+    ----------
+    plant : Plant
+    population : Population
+    runs : int
+    seed : int
+
+    Returns
+    -------
+    list of PlantTrace
+
+    Raises
+    ------
+    PlantError
+        As ``drawn``.
+    """
+    return simulate_all(plant, drawn(plant, population, runs, seed))
 
 
 def stated_runs(plant: Plant, c: dict, blocks: int) -> tuple:

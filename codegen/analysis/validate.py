@@ -197,17 +197,33 @@ def validate(design, driver, names: list[str] | None = None, seed: int = 0,
     out = []
     if truths:
         progress(f"driving {len(truths)} scenarios, {max(len(t.q) for t in truths)} samples at most")
-        out += _judged(design, driver, scenarios, truths, design.certificate[driver.real])
+        out += judged(design, driver, scenarios, truths, design.certificate[driver.real])
     out += _steered(design, driver, loops, names, seed, progress)
     return out + _promised(design, driver, names, seed, progress)
 
 
-def _judged(design, driver, scenarios: list[Scenario], truths: list[PlantTrace], cert: dict) -> list[Outcome]:
-    """Runs on the compiled C and on the reference, held against a certificate."""
+def judged(design, driver, scenarios: list[Scenario], truths: list[PlantTrace], cert: dict,
+           compared: bool = True) -> list[Outcome]:
+    """Run the compiled C, and the reference beside it, and hold each run against a certificate.
+
+    Parameters
+    ----------
+    design : Design
+    driver : Driver
+    scenarios : list of Scenario
+    truths : list of PlantTrace
+    cert : dict
+    compared : bool
+        False leaves the reference out.
+
+    Returns
+    -------
+    list of Outcome
+    """
     plant = design.plant
     u, y, q, theta = side_by_side(truths)
-    traces, references = (driver.run_many(u, y, q, theta=theta),
-                          design.observer.run_many(u, y, q, driver.real, theta=theta))
+    traces = driver.run_many(u, y, q, theta=theta)
+    references = design.observer.run_many(u, y, q, driver.real, theta=theta) if compared else traces
     out = []
     for i, (scenario, truth) in enumerate(zip(scenarios, truths)):
         own = (i, slice(len(truth.q)))
@@ -235,7 +251,7 @@ def _promised(design, driver, names: list[str] | None, seed: int, progress) -> l
         scenarios = promised.trials(design.plant, promise)
         truths = [simulate(design.plant, scenario, seed=seed) for scenario in scenarios]
         cert = design.certificate[driver.real] | {"faults": [promise]}
-        runs = _judged(design, driver, scenarios, truths, cert)
+        runs = judged(design, driver, scenarios, truths, cert)
         worst = max(runs, key=lambda o: (not o.passed, *(np.inf if e.delay is None else e.delay for e in o.episodes)))
         counts = {name: sum(getattr(o, name) for o in runs) for name in ("lost", "false_alarms", "late")}
         out.append(replace(worst, **counts, differences=sorted({d for o in runs for d in o.differences})))
