@@ -227,7 +227,7 @@ def compare_(plant, out, names, orders):
               help="Runs without fault, and with each size of each.")
 @click.option("--seed", default=0, show_default=True, help="Seed of the random runs.")
 def campaign_(folder, runs, seed):
-    """Inject faults into random runs of the C; false alarms, found."""
+    """Inject faults into random runs of the C: which are found?"""
     from .campaign import campaign
     from .designs import read_checked
     from .host.build import build
