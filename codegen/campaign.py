@@ -17,7 +17,7 @@ from .analysis.calibration import Population, drawn
 from .analysis.validate import Outcome, judged
 from .designs import Design
 from .errors import PlantError
-from .plant.model import Fault, Plant, Scenario
+from .plant.model import Fault, Plant, Scenario, Signal
 from .plant.simulate import simulate_all
 from .report.outcome_words import promise
 
@@ -54,6 +54,17 @@ class Row:
     outcomes: tuple[Outcome, ...]
 
 
+def signs(signal: Signal, size: float) -> list[int]:
+    """Which signs a fault of this size may have.
+
+    Parameters
+    ----------
+    signal : Signal
+    size : float
+    """
+    return [sign for sign in (1, -1) if signal.lo <= sign * size <= signal.hi]
+
+
 def sizes(design: Design, real: str, channel: str) -> list[float]:
     """Sizes of a fault that are tried.
 
@@ -72,10 +83,11 @@ def sizes(design: Design, real: str, channel: str) -> list[float]:
             if size is not None]
     sure += [f["size"] for f in design.certificate[real].get("faults", ()) if f["channel"] == channel]
     signal = next(f for f in design.plant.f if f.name == channel)
-    most = max(abs(end) for end in (signal.lo, signal.hi) if np.isfinite(end)) if np.isfinite(signal.lo + signal.hi) \
-        else 10 * min(sure, default=1.0)
+    most = max(abs(signal.lo), abs(signal.hi))
+    if not np.isfinite(most):
+        most = 10 * min(sure, default=1.0)
     found = [share * min(sure) for share in SHARES] if sure else [share * most for share in OF_RANGE]
-    return [size for size in found if size <= most]
+    return [size for size in found if signs(signal, size)]
 
 
 def inside(plant: Plant, runs: int, seed: int, modes: str) -> list[tuple[Scenario, int]]:
@@ -92,9 +104,8 @@ def inside(plant: Plant, runs: int, seed: int, modes: str) -> list[tuple[Scenari
     -------
     list of (Scenario, int)
     """
-    steps = max([s.steps for s in plant.scenarios if not s.csv], default=STEPS)
-    if modes == "scenario":
-        steps = min([s.steps for s in plant.scenarios if not s.csv], default=STEPS)
+    enough = min if modes == "scenario" else max  # each of them is one that may be drawn
+    steps = enough([s.steps for s in plant.scenarios if not s.csv], default=STEPS)
     every = [pair for i, kind in enumerate(("uniform", "corner")) for pair in
              drawn(plant, Population(steps, kind, kind, modes=modes), (runs + 1 - i) // 2, seed + i)]
     lo, hi = plant.limits("x")
@@ -140,9 +151,9 @@ def campaign(design: Design, driver, runs: int = 100, seed: int = 0,
     rng = np.random.default_rng(seed)
     for j, signal in enumerate(plant.f):
         for size in sizes(design, driver.real, signal.name):
-            signs = [sign for sign in (1, -1) if signal.lo <= sign * size <= signal.hi]
+            either = signs(signal, size)
             faulty = [(replace(s, name=f"{signal.name} {size:g}", fault=(Fault(
-                j, int(rng.integers(steps // 2, 3 * steps // 4 + 1)), steps, repr(float(rng.choice(signs) * size))),)),
+                j, int(rng.integers(steps // 2, 3 * steps // 4 + 1)), steps, repr(float(rng.choice(either) * size))),)),
                 own) for s, own in base]
             rows.append(_row(design, driver, signal.name, size, faulty, progress))
     return rows
