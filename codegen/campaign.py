@@ -21,7 +21,7 @@ from .plant.model import Fault, Plant, Scenario, Signal
 from .plant.simulate import simulate_all
 from .report.outcome_words import promise
 
-#: Sizes that are tried, of the least that is surely found; of the range where none is.
+#: Sizes that are tried, of the least that is surely found; of the range where none is, or only beyond it.
 SHARES, OF_RANGE = (0.25, 0.5, 0.75, 1.001, 2.0), (0.01, 0.03, 0.1, 0.3, 1.0)
 STEPS = 200  # samples of a run, where no scenario is longer
 
@@ -86,8 +86,9 @@ def sizes(design: Design, real: str, channel: str) -> list[float]:
     most = max(abs(signal.lo), abs(signal.hi))
     if not np.isfinite(most):
         most = 10 * min(sure, default=1.0)
-    found = [share * min(sure) for share in SHARES] if sure else [share * most for share in OF_RANGE]
-    return [size for size in found if signs(signal, size)]
+    tried = [share * min(sure) for share in SHARES] if sure else []
+    tried = [size for size in tried if signs(signal, size)] or [share * most for share in OF_RANGE]
+    return [size for size in tried if signs(signal, size)]
 
 
 def inside(plant: Plant, runs: int, seed: int, modes: str) -> list[tuple[Scenario, int]]:

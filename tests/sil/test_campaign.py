@@ -56,6 +56,20 @@ def test_a_claim_that_is_too_good_is_caught():
         require(boast, real, outcomes(got))
 
 
+def test_sizes_are_those_that_a_fault_may_have():
+    """Of the least that is surely found; of the range where that is beyond it; of the sign that the range has."""
+    made = read_design(GENERATED / "farhat_hinf-filter")
+    (signal,), (row,) = made.plant.f, made.detection["float32"]
+    sure = min(size for size in row["by_delay"] if size)
+    assert campaign.sizes(made, "float32", signal.name)[:4] == [share * sure for share in campaign.SHARES[:4]]
+    for lo, hi, want in ((-sure / 10, sure / 10, campaign.OF_RANGE), (-1e-9, 0.0, campaign.OF_RANGE), (1.0, 1.5, ())):
+        other = replace(made, plant=replace(made.plant, f=(replace(signal, lo=lo, hi=hi),)))
+        most, found = max(abs(lo), abs(hi)), campaign.sizes(other, "float32", signal.name)
+        assert all(campaign.signs(other.plant.f[0], size) for size in found)
+        assert lo == 1.0 or found == [share * most for share in want]
+    assert campaign.signs(replace(signal, lo=-2.0, hi=1.0), 1.5) == [-1]
+
+
 def test_runs_that_leave_the_declared_ranges_are_left_out():
     plant = load("buck")
     free, held = (campaign.inside(plant, 12, 0, modes) for modes in ("random", "scenario"))
